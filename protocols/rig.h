@@ -32,19 +32,20 @@ struct ToolSection {
 };
 
 struct CutterDescription {
-  double diameter_mm;        // ball end; the tip is the ball's lowest point
-  double flute_length_mm;    // what cuts; the sections above it must not touch material
+  double diameter_mm;      // ball end; the tip is the ball's lowest point
+  double flute_length_mm;  // what cuts; the sections above it must not touch material
   double stepdown_mm;
   double stepover_mm;
   double feed_mm_per_s;
   double ramp_feed_mm_per_s;
   double spindle_rpm;
-  std::vector<ToolSection> holder;  // the non-cutting stack: shank, collet, spindle; from the ball on
+  std::vector<ToolSection>
+      holder;  // the non-cutting stack: shank, collet, spindle; from the ball on
 };
 
 struct NozzleDescription {
   double outlet_diameter_mm;
-  std::vector<ToolSection> body;    // from the tip on
+  std::vector<ToolSection> body;           // from the tip on
   Point<MachineFrame> parked_offset_mm;    // nozzle tip minus cutter tip, module closed (M71)
   Point<MachineFrame> deployed_offset_mm;  // nozzle tip minus cutter tip, module open (M70)
 };
@@ -68,11 +69,12 @@ enum class RotaryTable { kBC, kAC };
 
 struct Kinematics {
   RotaryTable table;
-  int sign_tilt;                       // +1 ISO, tool relative to work; or -1
+  int sign_tilt;  // +1 ISO, tool relative to work; or -1
   int sign_c;
-  Point<MachineFrame> c_axis_point_mm;     // r: a point on the C axis, in G54
-  Point<MachineFrame> tilt_offset_mm;      // D: from r to the tilt axis
-  Point<MachineFrame> g54_in_machine_mm;   // machine position of G54's origin; limits apply to j + this
+  Point<MachineFrame> c_axis_point_mm;  // r: a point on the C axis, in G54
+  Point<MachineFrame> tilt_offset_mm;   // D: from r to the tilt axis
+  Point<MachineFrame>
+      g54_in_machine_mm;  // machine position of G54's origin; limits apply to j + this
 };
 
 struct SpindleRange {
@@ -87,9 +89,9 @@ struct TableDescription {
   double disc_thickness_mm;
 };
 struct PedestalDescription {
-  double height_mm;          // from the disc's top to the part's foot
-  double inset_mm;           // the pedestal stays this far inside the part's foot
-  double minimum_width_mm;   // a foot leaving less than this cannot be held
+  double height_mm;         // from the disc's top to the part's foot
+  double inset_mm;          // the pedestal stays this far inside the part's foot
+  double minimum_width_mm;  // a foot leaving less than this cannot be held
 };
 
 enum class CncDialect { kGrbl, kMarlin, kFanuc };
@@ -107,16 +109,16 @@ struct Extrusion {
   double filament_diameter_mm;
   double bead_width_mm;
   double layer_height_mm;
-  double feed_mm_per_s;              // tool speed while depositing
+  double feed_mm_per_s;  // tool speed while depositing
   double first_layer_feed_mm_per_s;
-  double multiplier;                 // calibration of what really comes out
-  double infill;                     // fraction
+  double multiplier;  // calibration of what really comes out
+  double infill;      // fraction
   double retract_mm;
   double retract_mm_per_s;
   double prime_dwell_s;
   double coast_mm;
   double travel_without_retract_mm;
-  double steps_per_mm;               // of filament
+  double steps_per_mm;  // of filament
   Celsius nozzle_temperature;
   Celsius minimum_temperature;
   Celsius maximum_temperature;
@@ -131,9 +133,9 @@ struct Commissioning {
 
 struct RigDescription {
   std::string name;
-  std::string sha256;                // of the file's bytes
+  std::string sha256;                    // of the file's bytes
   Point<MachineFrame> working_space_mm;  // extents a part must fit into
-  double clear_height_mm;            // safe Z above the swept part for rotary moves and M70/M71
+  double clear_height_mm;                // safe Z above the swept part for rotary moves and M70/M71
   LinearAxis x, y, z;
   RotaryAxis tilt, c;
   Kinematics kinematics;
