@@ -1,8 +1,8 @@
 // Triangle mesh: an indexed surface in millimetres. Plain data; CGAL stays behind cgal_mesh.h.
 //
-// A *solid* is a mesh that is closed, oriented outward, free of self-intersection and not empty; the
-// empty mesh (no vertices, no triangles) stands for the empty volume. mesh_io.h reads, mesh_check.h
-// decides whether a mesh is a solid.
+// A *solid* is a mesh that is closed, oriented outward, free of self-intersection and not empty;
+// the empty mesh (no vertices, no triangles) stands for the empty volume. mesh_io.h reads,
+// mesh_check.h decides whether a mesh is a solid.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,7 +17,7 @@ using Vec3 = Eigen::Vector3d;
 using Box3 = Eigen::AlignedBox3d;
 
 struct TriangleMesh {
-  std::vector<Vec3> vertices;                          // mm
+  std::vector<Vec3> vertices;                           // mm
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from outside
 
   bool empty() const { return triangles.empty(); }
