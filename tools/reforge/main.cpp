@@ -1,9 +1,10 @@
-// `reforge`: the command line of the operator and the process engineer. A thin main: each subcommand
-// lives in a file of its own and only calls the planner library or the daemon's socket.
+// `reforge`: the command line of the operator and the process engineer. A thin main: each
+// subcommand lives in a file of its own and only calls the planner library or the daemon's socket.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "tools/reforge/outcome.h"
+#include "tools/reforge/picture_command.h"
 
 #if __has_include("tools/reforge/plan_command.h")
 #include "tools/reforge/plan_command.h"
@@ -22,6 +23,7 @@ int main(int argc, char** argv) {
   app.failure_message(CLI::FailureMessage::help);
 
   reforge::Outcome outcome;
+  reforge::add_picture_command(app, outcome);
 #if __has_include("tools/reforge/plan_command.h")
   reforge::add_plan_command(app, outcome);
 #endif

@@ -1,4 +1,5 @@
-// What a subcommand of `reforge` ends as: the exit code, and the sentence on stderr when it is not 0.
+// What a subcommand of `reforge` ends as: the exit code, and the sentence on stderr when it is not
+// 0.
 #pragma once
 
 #include "protocols/result.h"
