@@ -21,6 +21,7 @@ constexpr std::array<MethodRow, kMethodCount> kMethods = {{
     {Method::kResume, "resume", Role::kOperate},
     {Method::kAbort, "abort", Role::kOperate},
     {Method::kEmergency, "emergency", Role::kOperate},
+    {Method::kClear, "clear", Role::kOperate},
     {Method::kStatus, "status", Role::kObserve},
     {Method::kJobs, "jobs", Role::kObserve},
     {Method::kSubscribe, "subscribe", Role::kObserve},
@@ -184,6 +185,16 @@ std::int64_t Params::number(const char* key, std::int64_t min, std::int64_t max)
   return optional_number(key, min, max).value_or(min);
 }
 
+bool Params::flag(const char* key) {
+  const json* value = find(key, false);
+  if (value == nullptr) return false;
+  if (!value->is_boolean()) {
+    complain(std::string("The parameter \"") + key + "\" must be true or false.");
+    return false;
+  }
+  return value->get<bool>();
+}
+
 const std::string& Params::fault() {
   for (const auto& [key, value] : object_.items()) {
     if (std::find(asked_.begin(), asked_.end(), key) == asked_.end()) {
@@ -216,6 +227,7 @@ json to_json(const JobReport& r) {
               {"changed_at", r.changed_at},
               {"program_sha256", r.program_sha256},
               {"lines", r.lines},
+              {"executed", r.executed},
               {"acknowledged", r.acknowledged},
               {"horizon", r.horizon},
               {"toggles", r.toggles},
@@ -262,6 +274,7 @@ Result<JobReport> job_report(const json& in) {
     r.changed_at = in.at("changed_at").get<std::string>();
     r.program_sha256 = in.at("program_sha256").get<std::string>();
     r.lines = in.at("lines").get<std::int64_t>();
+    r.executed = in.at("executed").get<std::int64_t>();
     r.acknowledged = in.at("acknowledged").get<std::int64_t>();
     r.horizon = in.at("horizon").get<std::int64_t>();
     r.toggles = in.at("toggles").get<std::int64_t>();

@@ -33,12 +33,13 @@ enum class Method {
   kResume,
   kAbort,
   kEmergency,
+  kClear,
   kStatus,
   kJobs,
   kSubscribe,
   kShutdown,
 };
-constexpr int kMethodCount = 11;
+constexpr int kMethodCount = 12;
 
 // queued -> verifying -> ready -> running <-> held -> done | failed | aborted; a daemon that finds
 // a running or held job in its journal at start makes it interrupted.
@@ -99,6 +100,7 @@ class Params {
   std::int64_t number(const char* key, std::int64_t min, std::int64_t max);
   std::optional<std::int64_t> optional_number(const char* key, std::int64_t min, std::int64_t max);
   std::optional<std::string> optional_text(const char* key, std::size_t bytes_max = 4096);
+  bool flag(const char* key);  // absent: false
   // After all keys were asked for: empty, or the sentence of the first fault.
   const std::string& fault();
 
@@ -132,12 +134,13 @@ struct JobReport {
   std::string changed_at;
   std::string program_sha256;
   std::int64_t lines = 0;         // of the program
+  std::int64_t executed = 0;      // certainly executed: motion was drained behind it
   std::int64_t acknowledged = 0;  // every line up to here is journalled as acknowledged
   std::int64_t horizon = 0;       // no line beyond this one was ever allowed onto the wire
   std::int64_t toggles = 0;       // M70-M75 relayed to the extruder and acknowledged
   double machine_s = 0;           // running time on the machine's clock, holds included
   double estimated_s = 0;         // by the verifier's motion model
-  // Lines that may or may not have been executed, once the job was interrupted, aborted or failed.
+  // Lines that may or may not have been sent, once the job has ended before its last line.
   std::optional<LineRange> uncertain;
 };
 
