@@ -94,42 +94,43 @@ std::optional<JobState> job_state_named(std::string_view name) {
 
 std::variant<Request, Refusal> parse_request(std::string_view line) {
   const json message = json::parse(line, nullptr, false);
-  if (message.is_discarded()) return Refusal{nullptr, kParseError, "The line is not JSON."};
+  if (message.is_discarded()) return Refusal{nullptr, {kParseError, "The line is not JSON."}};
   if (!message.is_object()) {
-    return Refusal{nullptr, kInvalidRequest,
-                   "A request is one JSON object; batches are not taken."};
+    return Refusal{nullptr,
+                   {kInvalidRequest, "A request is one JSON object; batches are not taken."}};
   }
   Request request;
   if (const auto id = message.find("id"); id != message.end()) {
     if (!id->is_number_integer() && !id->is_string() && !id->is_null()) {
-      return Refusal{nullptr, kInvalidRequest, "\"id\" must be a whole number or a string."};
+      return Refusal{nullptr, {kInvalidRequest, "\"id\" must be a whole number or a string."}};
     }
     request.id = *id;
     request.answered = true;
   }
   const auto version = message.find("jsonrpc");
   if (version == message.end() || *version != "2.0") {
-    return Refusal{request.id, kInvalidRequest, "\"jsonrpc\" must be \"2.0\"."};
+    return Refusal{request.id, {kInvalidRequest, "\"jsonrpc\" must be \"2.0\"."}};
   }
   for (const auto& [key, value] : message.items()) {
     if (key != "jsonrpc" && key != "id" && key != "method" && key != "params") {
-      return Refusal{request.id, kInvalidRequest, "A request has no key \"" + key + "\"."};
+      return Refusal{request.id, {kInvalidRequest, "A request has no key \"" + key + "\"."}};
     }
   }
   const auto method = message.find("method");
   if (method == message.end() || !method->is_string()) {
-    return Refusal{request.id, kInvalidRequest, "\"method\" must be a string."};
+    return Refusal{request.id, {kInvalidRequest, "\"method\" must be a string."}};
   }
   const auto named = method_named(method->get_ref<const std::string&>());
   if (!named) {
-    return Refusal{request.id, kMethodNotFound,
-                   "There is no method \"" + method->get<std::string>() + "\"."};
+    return Refusal{
+        request.id,
+        {{kMethodNotFound, "There is no method \"" + method->get<std::string>() + "\"."}}};
   }
   request.method = *named;
   request.params = json::object();
   if (const auto params = message.find("params"); params != message.end()) {
     if (!params->is_object()) {
-      return Refusal{request.id, kInvalidParams, "\"params\" must be an object."};
+      return Refusal{request.id, {kInvalidParams, "\"params\" must be an object."}};
     }
     request.params = *params;
   }
@@ -208,8 +209,10 @@ std::string response(const json& id, const json& result) {
   return dump({{"jsonrpc", "2.0"}, {"id", id}, {"result", result}});
 }
 
-std::string error_response(const json& id, int code, std::string_view sentence) {
-  return dump({{"jsonrpc", "2.0"}, {"id", id}, {"error", {{"code", code}, {"message", sentence}}}});
+std::string error_response(const json& id, const Failure& failure) {
+  return dump({{"jsonrpc", "2.0"},
+               {"id", id},
+               {"error", {{"code", failure.code}, {"message", failure.sentence}}}});
 }
 
 std::string notification(std::string_view method, const json& params) {

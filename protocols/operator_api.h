@@ -82,11 +82,16 @@ struct Request {
   nlohmann::json params;  // always an object
 };
 
-// What is wrong with a line that is no request: an error object to send back.
-struct Refusal {
-  nlohmann::json id;
+// The error object of an answer.
+struct Failure {
   int code;
   std::string sentence;
+};
+
+// What is wrong with a line that is no request.
+struct Refusal {
+  nlohmann::json id;
+  Failure failure;
 };
 
 // One line without its newline. Never throws, whatever the bytes.
@@ -115,7 +120,7 @@ class Params {
 
 // Messages to clients, without the newline.
 std::string response(const nlohmann::json& id, const nlohmann::json& result);
-std::string error_response(const nlohmann::json& id, int code, std::string_view sentence);
+std::string error_response(const nlohmann::json& id, const Failure& failure);
 std::string notification(std::string_view method, const nlohmann::json& params);
 
 struct LineRange {
