@@ -122,9 +122,8 @@ std::variant<Request, Refusal> parse_request(std::string_view line) {
   }
   const auto named = method_named(method->get_ref<const std::string&>());
   if (!named) {
-    return Refusal{
-        request.id,
-        {{kMethodNotFound, "There is no method \"" + method->get<std::string>() + "\"."}}};
+    return Refusal{request.id,
+                   {kMethodNotFound, "There is no method \"" + method->get<std::string>() + "\"."}};
   }
   request.method = *named;
   request.params = json::object();
