@@ -4,188 +4,106 @@
 #include <pwd.h>
 
 #include <fstream>
-#include <nlohmann/json.hpp>
-#include <set>
 #include <sstream>
+
+#include "protocols/strict_json.h"
 
 namespace reforge {
 namespace {
 
-using nlohmann::json;
-
 constexpr const char* kFormat = "reforged 1";
+constexpr std::size_t kSocketPathMax = 107;  // sockaddr_un holds no more
 
-// Thrown and caught inside this file only.
-struct Fault {
-  Code code;
-  std::string sentence;
-};
-
-// One object of the file: remembers which keys were asked for, so that the rest are unknown.
-class Section {
- public:
-  Section(const json& object, std::string file, std::string path)
-      : object_(object), file_(std::move(file)), path_(std::move(path)) {
-    if (!object_.is_object()) fail(Code::kMalformed, "", "must be an object");
+std::filesystem::path absolute_path(StrictJson& document, StrictObject& in, const char* key) {
+  std::filesystem::path value = in.text(key);
+  if (!value.is_absolute()) {
+    document.fail(Code::kMalformed, in.dotted(key), "must be an absolute path");
   }
+  return value;
+}
 
-  Section child(const char* key) const { return {find(key), file_, dotted(key)}; }
-
-  std::string text(const char* key) const {
-    const json& value = find(key);
-    if (!value.is_string() || value.get_ref<const std::string&>().empty()) {
-      fail(Code::kMalformed, key, "must be a string that is not empty");
-    }
-    return value.get<std::string>();
-  }
-
-  std::filesystem::path path(const char* key) const {
-    std::filesystem::path value = text(key);
-    if (!value.is_absolute()) fail(Code::kMalformed, key, "must be an absolute path");
-    return value;
-  }
-
-  std::int64_t number(const char* key, std::int64_t min, std::int64_t max) const {
-    const json& value = find(key);
-    if (!value.is_number_integer()) fail(Code::kMalformed, key, "must be a whole number");
-    const bool huge =
-        value.is_number_unsigned() && value.get<std::uint64_t>() > static_cast<std::uint64_t>(max);
-    if (huge || value.get<std::int64_t>() < min || value.get<std::int64_t>() > max) {
-      fail(Code::kOutOfRange, key,
-           "must be from " + std::to_string(min) + " to " + std::to_string(max));
-    }
-    return value.get<std::int64_t>();
-  }
-
-  std::vector<std::string> texts(const char* key) const {
-    const json& value = find(key);
-    std::vector<std::string> out;
-    if (value.is_array()) {
-      for (const json& item : value) {
-        if (!item.is_string()) fail(Code::kMalformed, key, "must be a list of strings");
-        out.push_back(item.get<std::string>());
-      }
-      return out;
-    }
-    fail(Code::kMalformed, key, "must be a list of strings");
-  }
-
-  const json& find(const char* key) const {
-    asked_.insert(key);
-    const auto found = object_.find(key);
-    if (found == object_.end()) fail(Code::kMalformed, key, "is missing");
-    return *found;
-  }
-
-  void no_other_keys() const {
-    for (const auto& [key, value] : object_.items()) {
-      if (!asked_.contains(key)) fail(Code::kUnknownKey, key.c_str(), "is a key nobody reads");
-    }
-  }
-
-  [[noreturn]] void fail(Code code, const char* key, const std::string& what) const {
-    throw Fault{code, file_ + ": \"" + dotted(key) + "\" " + what + "."};
-  }
-
- private:
-  std::string dotted(const std::string& key) const {
-    return path_.empty() ? key : key.empty() ? path_ : path_ + "." + key;
-  }
-
-  const json& object_;
-  std::string file_;
-  std::string path_;
-  mutable std::set<std::string> asked_;
-};
-
-PortConfig port(const Section& in) {
+PortConfig port(StrictJson& document, StrictObject in) {
   PortConfig out;
-  out.path = in.path("path");
-  const std::string kind = in.text("kind");
-  if (kind == "serial") {
-    out.kind = PortKind::kSerial;
-  } else if (kind == "virtual") {
-    out.kind = PortKind::kVirtual;
-  } else {
-    in.fail(Code::kMalformed, "kind", "must be \"serial\" or \"virtual\"");
-  }
-  in.no_other_keys();
+  out.path = absolute_path(document, in, "path");
+  out.kind = in.one_of("kind", {"serial", "virtual"}) == "virtual" ? PortKind::kVirtual
+                                                                   : PortKind::kSerial;
+  in.close();
   return out;
 }
 
-RoleMembers members(const Section& in) {
+RoleMembers members(StrictJson& document, StrictObject in) {
   RoleMembers out;
   for (const std::string& name : in.texts("users")) {
-    const passwd* entry = getpwnam(name.c_str());
-    if (entry == nullptr) in.fail(Code::kMalformed, "users", "names no user \"" + name + "\"");
-    out.users.push_back(entry->pw_uid);
+    if (const passwd* entry = getpwnam(name.c_str())) {
+      out.users.push_back(entry->pw_uid);
+    } else {
+      document.fail(Code::kMalformed, in.dotted("users"), "names no user: \"" + name + "\"");
+    }
   }
   for (const std::string& name : in.texts("groups")) {
-    const group* entry = getgrnam(name.c_str());
-    if (entry == nullptr) in.fail(Code::kMalformed, "groups", "names no group \"" + name + "\"");
-    out.groups.push_back(entry->gr_gid);
+    if (const group* entry = getgrnam(name.c_str())) {
+      out.groups.push_back(entry->gr_gid);
+    } else {
+      document.fail(Code::kMalformed, in.dotted("groups"), "names no group: \"" + name + "\"");
+    }
   }
-  in.no_other_keys();
+  in.close();
   return out;
 }
 
-VerifierConfig verifier(const Section& in) {
+VerifierConfig verifier(StrictJson& document, StrictObject in) {
   VerifierConfig out;
   out.command = in.texts("command");
-  if (out.command.empty()) in.fail(Code::kMalformed, "command", "must name a program");
-  if (!in.find("memory_mib").is_null()) out.memory_mib = in.number("memory_mib", 64, 1 << 20);
-  out.seconds = in.number("seconds", 1, 24 * 3600);
-  in.no_other_keys();
-  return out;
-}
-
-DaemonConfig parse(const json& document, const std::string& file) {
-  const Section top(document, file, "");
-  if (top.text("format") != kFormat) {
-    top.fail(Code::kWrongVersion, "format", std::string("must be \"") + kFormat + "\"");
+  if (out.command.empty() || !std::filesystem::path(out.command.front()).is_absolute()) {
+    document.fail(Code::kMalformed, in.dotted("command"),
+                  "must begin with the absolute path of a program");
   }
-  DaemonConfig out;
-  out.socket = top.path("socket");
-  // sockaddr_un holds no more than 107 bytes of path.
-  if (out.socket.native().size() > 107) {
-    top.fail(Code::kOutOfRange, "socket", "is longer than the 107 bytes a socket's path may have");
+  if (auto limits = in.object_or_null("limits")) {
+    out.memory_mib = limits->integer("memory_mib", 64, 1 << 20);
+    out.seconds = limits->integer("seconds", 1, 24 * 3600);
+    limits->close();
   }
-  out.state_directory = top.path("state_directory");
-  out.rig = top.path("rig");
-  if (top.text("clock") != "monotonic") out.clock = top.path("clock");
-  const Section ports = top.child("ports");
-  out.cnc = port(ports.child("cnc"));
-  out.extruder = port(ports.child("extruder"));
-  ports.no_other_keys();
-  const Section roles = top.child("roles");
-  out.observe = members(roles.child("observe"));
-  out.operate = members(roles.child("operate"));
-  out.administer = members(roles.child("administer"));
-  roles.no_other_keys();
-  out.verifier = verifier(top.child("verifier"));
-  const Section limits = top.child("limits");
-  out.clients_max = limits.number("clients", 1, 10000);
-  out.waiting_jobs_max = limits.number("waiting_jobs", 1, 100000);
-  limits.no_other_keys();
-  top.no_other_keys();
-  if (out.clock &&
-      (out.cnc.kind != PortKind::kVirtual || out.extruder.kind != PortKind::kVirtual)) {
-    top.fail(Code::kMalformed, "clock",
-             "is a virtual rig's, but a port is real: a real machine takes only \"monotonic\"");
-  }
+  in.close();
   return out;
 }
 
 }  // namespace
 
 Result<DaemonConfig> parse_config(std::string_view text, const std::string& name_for_errors) {
-  try {
-    return parse(json::parse(text), name_for_errors);
-  } catch (const Fault& fault) {
-    return Error{fault.code, fault.sentence};
-  } catch (const json::exception& e) {
-    return Error{Code::kMalformed, name_for_errors + ": " + e.what()};
+  StrictJson document(text, name_for_errors);
+  StrictObject root = document.root();
+  DaemonConfig out;
+  if (root.text("format") != kFormat) {
+    document.fail(Code::kWrongVersion, "format", std::string("must be \"") + kFormat + "\"");
   }
+  out.socket = absolute_path(document, root, "socket");
+  if (out.socket.native().size() > kSocketPathMax) {
+    document.fail(Code::kOutOfRange, "socket", "must have no more than 107 bytes");
+  }
+  out.state_directory = absolute_path(document, root, "state_directory");
+  out.rig = absolute_path(document, root, "rig");
+  if (root.text("clock") != "monotonic") out.clock = absolute_path(document, root, "clock");
+  StrictObject ports = root.object("ports");
+  out.cnc = port(document, ports.object("cnc"));
+  out.extruder = port(document, ports.object("extruder"));
+  ports.close();
+  StrictObject roles = root.object("roles");
+  out.observe = members(document, roles.object("observe"));
+  out.operate = members(document, roles.object("operate"));
+  out.administer = members(document, roles.object("administer"));
+  roles.close();
+  out.verifier = verifier(document, root.object("verifier"));
+  StrictObject limits = root.object("limits");
+  out.clients_max = limits.integer("clients", 1, 10000);
+  out.waiting_jobs_max = limits.integer("waiting_jobs", 1, 100000);
+  limits.close();
+  root.close();
+  if (out.clock && !out.virtual_ports()) {
+    document.fail(Code::kMalformed, "clock",
+                  "is a virtual rig's while a port is real: a real machine takes \"monotonic\"");
+  }
+  if (document.error()) return *document.error();
+  return out;
 }
 
 Result<DaemonConfig> read_config(const std::filesystem::path& file) {

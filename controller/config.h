@@ -7,14 +7,12 @@
 
 #include <sys/types.h>
 
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "protocols/operator_api.h"
 #include "protocols/result.h"
 
 namespace reforge {
@@ -25,7 +23,7 @@ enum class PortKind { kSerial, kVirtual };
 
 struct PortConfig {
   std::filesystem::path path;
-  PortKind kind;
+  PortKind kind = PortKind::kSerial;
 };
 
 // Users and groups by number; a member of a role's users or groups (supplementary ones too) has it.
@@ -35,9 +33,9 @@ struct RoleMembers {
 };
 
 struct VerifierConfig {
-  std::vector<std::string> command;        // the job's folder is appended
-  std::optional<std::int64_t> memory_mib;  // absent: no limit
-  std::int64_t seconds;                    // of processor time, and four times that of wall time
+  std::vector<std::string> command;  // the job's folder is appended
+  std::optional<int> memory_mib;     // absent: no limit
+  std::optional<int> seconds;        // of processor time, and four times that of wall time
 };
 
 struct DaemonConfig {
@@ -50,8 +48,12 @@ struct DaemonConfig {
   // By role. Root and the daemon's own user administer whatever is written here.
   RoleMembers observe, operate, administer;
   VerifierConfig verifier;
-  std::int64_t clients_max;
-  std::int64_t waiting_jobs_max;
+  int clients_max = 0;
+  int waiting_jobs_max = 0;
+
+  bool virtual_ports() const {
+    return cnc.kind == PortKind::kVirtual && extruder.kind == PortKind::kVirtual;
+  }
 };
 
 Result<DaemonConfig> read_config(const std::filesystem::path& file);
