@@ -1,0 +1,53 @@
+// The one converter to CGAL, and what only CGAL does for us: exact booleans and self-intersection.
+//
+// An *overlay* of two solids A and B is the union of their surfaces cut along each other, every
+// facet labelled by what lies on its two sides: inside A or not, inside B or not. Intersection,
+// differences and union are read off the same facets, so their volumes balance and they share their
+// borders exactly; nothing is computed twice.
+//
+// Units: mm. Exactness: intersection points are constructed and classified exactly (EPECK), then
+// every
+//   coordinate is rounded to float, the precision of STL; facets that collapse by it are dropped
+//   and facets that fall together cancel, so every volume stays closed. Rounding moves points by up
+//   to 4e-6 mm (at 64 mm), so self-intersections of that size are possible.
+// Limits: near-coincident surfaces with different triangles yield slivers of rounding size and cost
+//   minutes; surfaces that are bit-equal or exactly coplanar are handled. Refuses with
+//   kBooleanFailed.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "planner/geometry/mesh.h"
+#include "protocols/result.h"
+
+namespace reforge {
+
+struct OverlayFacet {
+  std::array<std::uint32_t, 3> corners;  // counter-clockwise seen from the front
+  // Bit 0: inside A. Bit 1: inside B. The back is where the corners turn clockwise.
+  std::uint8_t front, back;
+};
+
+struct Overlay {
+  std::vector<Vec3> vertices;
+  std::vector<OverlayFacet> facets;
+};
+
+// Both must be solids.
+Result<Overlay> overlay(const TriangleMesh& a, const TriangleMesh& b);
+
+// The closed surface of the region of all points whose label is in `labels` (bit l set: label l,
+// 0..3).
+TriangleMesh region(const Overlay& overlay, unsigned labels);
+
+Result<TriangleMesh> intersection(const TriangleMesh& a, const TriangleMesh& b);
+Result<TriangleMesh> difference(const TriangleMesh& a, const TriangleMesh& b);  // a without b
+Result<TriangleMesh> unite(const TriangleMesh& a, const TriangleMesh& b);
+
+// A point near which the surface passes through itself, if anywhere.
+std::optional<Vec3> self_intersects(const TriangleMesh& mesh);
+
+}  // namespace reforge
