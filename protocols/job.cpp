@@ -1,0 +1,169 @@
+#include "protocols/job.h"
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <sstream>
+
+#include "protocols/sha256.h"
+
+namespace reforge {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr std::uintmax_t kJsonBytesMax = 64u << 20;
+
+struct Bound {
+  const char* key;  // in the certificate
+  const char* file;
+};
+constexpr std::array<Bound, 8> kBound = {{{"program", "program.nc"},
+                                          {"rig", "rig.json"},
+                                          {"initial", "initial.stl"},
+                                          {"target", "target.stl"},
+                                          {"fixture", "fixture.stl"},
+                                          {"reused", "reused.stl"},
+                                          {"removed", "removed.stl"},
+                                          {"added", "added.stl"}}};
+
+// A device or a pipe in place of a file would block whoever opens it.
+Status plain_file(const fs::path& file) {
+  std::error_code failed;
+  const fs::file_status status = fs::symlink_status(file, failed);
+  if (!fs::exists(status)) {
+    return Error{Code::kUnreadable, file.string() + ": is missing, so this is no finished job."};
+  }
+  if (!fs::is_regular_file(status)) {
+    return Error{Code::kMalformed, file.string() + ": is no plain file."};
+  }
+  return Unit{};
+}
+
+Result<json> read_json(const fs::path& file) {
+  if (Status plain = plain_file(file); !plain) return plain.error();
+  std::error_code failed;
+  if (fs::file_size(file, failed) > kJsonBytesMax || failed) {
+    return Error{Code::kOutOfRange, file.string() + ": is implausibly large."};
+  }
+  std::ifstream in(file, std::ios::binary);
+  json value = json::parse(in, nullptr, false);
+  if (!in || !value.is_object()) {
+    return Error{Code::kMalformed, file.string() + ": does not hold one JSON object."};
+  }
+  return value;
+}
+
+std::string text_at(const json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+Result<std::int64_t> count_lines(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::array<char, 65536> buffer;
+  std::int64_t lines = 0;
+  char last = '\n';
+  while (in.read(buffer.data(), buffer.size()) || in.gcount() > 0) {
+    const char* end = buffer.data() + in.gcount();
+    lines += std::count(static_cast<const char*>(buffer.data()), end, '\n');
+    last = end[-1];
+  }
+  if (in.bad()) return Error{Code::kUnreadable, file.string() + ": cannot be read to its end."};
+  return lines + (last == '\n' ? 0 : 1);
+}
+
+// The reasons of an infeasible plan, as one sentence.
+std::string reasons_of(const json& infeasible) {
+  std::string out = "There is no plan to run";
+  const auto reasons = infeasible.is_object() ? infeasible.find("reasons") : infeasible.end();
+  if (infeasible.is_object() && reasons != infeasible.end() && reasons->is_array()) {
+    for (const json& reason : *reasons) {
+      if (reason.is_string()) out += "; " + reason.get<std::string>();
+    }
+  }
+  return out + ".";
+}
+
+Status take_certificate(const fs::path& folder, const json& certificate, JobFolder& job) {
+  const std::string file = (folder / "certificate.json").string();
+  if (text_at(certificate, "format") != "reforge-certificate 1") {
+    return Error{Code::kWrongVersion, file + ": is no \"reforge-certificate 1\"."};
+  }
+  const std::string mode = text_at(certificate, "mode");
+  if (mode != "strict" && mode != "paper") {
+    return Error{Code::kMalformed, file + ": \"mode\" must be \"strict\" or \"paper\"."};
+  }
+  job.mode = mode == "paper" ? Mode::kPaper : Mode::kStrict;
+  if (text_at(certificate, "verdict") != "pass") {
+    return Error{Code::kNotCertified, file + ": the verifier's verdict is not \"pass\"."};
+  }
+  if (const auto s = certificate.find("seconds"); s != certificate.end() && s->is_number()) {
+    job.estimated_s = s->get<double>();
+  }
+  const auto hashes = certificate.find("sha256");
+  if (hashes == certificate.end() || !hashes->is_object()) {
+    return Error{Code::kMalformed, file + ": \"sha256\" must be an object."};
+  }
+  for (const Bound& bound : kBound) {
+    const fs::path bound_file = folder / bound.file;
+    if (Status plain = plain_file(bound_file); !plain) return plain;
+    const auto hash = sha256_of_file(bound_file);
+    if (!hash) return hash.error();
+    if (*hash != text_at(*hashes, bound.key)) {
+      return Error{Code::kHashMismatch,
+                   bound_file.string() +
+                       ": is not the file the certificate was made for; verify the job again."};
+    }
+    if (std::string_view(bound.key) == "program") job.program_sha256 = *hash;
+    if (std::string_view(bound.key) == "rig") job.rig_sha256 = *hash;
+  }
+  return Unit{};
+}
+
+}  // namespace
+
+Result<JobFolder> read_job(const fs::path& folder) {
+  std::error_code failed;
+  if (!fs::is_directory(folder, failed)) {
+    return Error{Code::kUnreadable, folder.string() + ": is no folder that can be read."};
+  }
+  JobFolder job;
+  job.name = (folder.has_filename() ? folder : folder.parent_path()).filename().string();
+  const auto plan = read_json(folder / "plan.json");
+  if (!plan) return plan.error();
+  if (const auto infeasible = plan->find("infeasible"); infeasible != plan->end()) {
+    return Error{Code::kNoFeasiblePlan, folder.string() + ": " + reasons_of(*infeasible)};
+  }
+  const auto certificate = read_json(folder / "certificate.json");
+  if (!certificate) return certificate.error();
+  if (Status taken = take_certificate(folder, *certificate, job); !taken) return taken.error();
+  const auto lines = count_lines(folder / "program.nc");
+  if (!lines) return lines.error();
+  job.lines = *lines;
+  return job;
+}
+
+Result<std::vector<fs::path>> job_files(const fs::path& folder) {
+  std::vector<fs::path> files = {"plan.json", "certificate.json"};
+  for (const Bound& bound : kBound) files.emplace_back(bound.file);
+  std::error_code failed;
+  if (fs::is_directory(folder / "blocks", failed)) {
+    std::vector<fs::path> blocks;
+    for (const auto& entry : fs::directory_iterator(folder / "blocks", failed)) {
+      blocks.push_back(fs::path("blocks") / entry.path().filename());
+    }
+    std::sort(blocks.begin(), blocks.end());
+    files.insert(files.end(), blocks.begin(), blocks.end());
+  }
+  if (failed) return Error{Code::kUnreadable, folder.string() + ": " + failed.message() + "."};
+  for (const fs::path& file : files) {
+    if (Status plain = plain_file(folder / file); !plain) return plain.error();
+  }
+  return files;
+}
+
+}  // namespace reforge
