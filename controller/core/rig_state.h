@@ -5,7 +5,8 @@
 // why not, and what to do instead. An event that means nothing in a state (an answer that arrives
 // after its question was dropped) keeps the state and has no effects.
 //
-// Limits: one job at a time; kRetract at a hold and run-from-block are not part of it yet.
+// Limits: one job at a time; retract and spindle rules at a hold, and run-from-block, are later
+// work.
 #pragma once
 
 #include <array>
@@ -71,25 +72,26 @@ enum class RigEvent : std::uint8_t {
 };
 constexpr int kRigEventCount = 30;
 
-// What the sequencer does on a transition. kStopExtrusion always stands before the CNC's effects.
+// What the sequencer does on a transition. What stops extrusion always stands before the CNC's.
 enum class Effect : std::uint8_t {
-  kIdentify,       // start, or start again, asking both devices
-  kCheckStart,     // ask for G54, compare, ask for the first horizon
-  kStream,         // hand over lines
-  kRelay,          // give the extruder its M-code
-  kStopExtrusion,  // M73, urgent
-  kStarve,         // stop feeding the extruder's dead-man: heat off, nothing moves
-  kMakeSafe,       // close the module where that is clear of the part, otherwise kStarve
-  kHoldCnc,        // '!', urgent
-  kResumeCnc,      // '~'
-  kDropUnsent,     // discard unsent bytes for the CNC
-  kResetCnc,       // 0x18, urgent
-  kReopenCnc,      // close and open the port
-  kReopenExtruder,
-  kOweHold,      // the first byte after the next opening of the CNC's port is a hold
-  kRestore,      // M72 again if a bead was interrupted
-  kClearFaults,  // unlock the CNC, clear the extruder's fault
-  kJobRunning,   // journal and tell: the job runs
+  kIdentify,        // start, or start again, asking both devices
+  kCheckStart,      // ask for G54, compare, ask for the first horizon
+  kRelay,           // give the extruder its M-code
+  kPauseExtrusion,  // M73, urgent, if filament is or may be pushed; remembers the bead
+  kStopExtrusion,   // M73, urgent, whatever is known
+  kStarve,          // stop feeding the extruder's dead-man: heat off, nothing moves
+  kMakeSafe,        // close the module where that is clear of the part, otherwise kStarve
+  kHoldCnc,         // '!', urgent
+  kResumeCnc,       // '~'
+  kDropUnsent,      // discard unsent bytes for the CNC
+  kResetCnc,        // 0x18, urgent
+  kReopenCnc,       // close and open the port
+  kReopenExtruder,  // likewise; its first order will be M73
+  kOweHold,         // the first byte after the next opening of the CNC's port is a hold
+  kRestore,         // M72 again if a bead was interrupted
+  kClearFaults,     // clear the extruder's fault; reset a held CNC, unlock an alarm
+  kJobRefused,      // journal and tell: nothing was sent, the job is ready as before
+  kJobRunning,      // journal and tell: the job runs
   kJobHeld,
   kJobOver,  // journal and tell the verdict
 };

@@ -27,7 +27,7 @@ struct StreamerOptions {
 class Streamer {
  public:
   Streamer(std::shared_ptr<ProgramSource> program, const CncDevice& device,
-           const Extrusion& extrusion, StreamerOptions options);
+           const RigDescription& rig, StreamerOptions options);
 
   // Narrows the window to what the controller said of itself. Before the first line.
   void limit_window(int bytes);
@@ -42,14 +42,16 @@ class Streamer {
   // An `ok` or `error`. Unexpected: nothing was outstanding.
   enum class Settled : std::uint8_t { kLine, kDrain, kUnexpected };
   Settled settle();
-  // The line the next acknowledgement belongs to (0: the drain's dwell, or nothing outstanding).
+  // The line the next acknowledgement belongs to, the drain's dwell apart; 0: none outstanding.
   LineNumber next_unacknowledged() const;
 
-  // The barrier that stands next, once every line before it has been handed over and it lies within
-  // the horizon; passed() goes beyond it.
-  const std::optional<ProgramLine>& barrier() const { return barrier_; }
-  LineNumber barrier_line() const { return barrier_ ? next_ : 0; }
-  void passed_barrier();
+  // An M-code stands next: every line before it has been handed over and it lies within the
+  // horizon. When all is drained: begin_barrier, relay, pass_barrier.
+  bool barrier_ahead() const;
+  const ExtruderOrder& barrier_order() const { return barrier_->order; }
+  LineNumber next_line() const { return next_; }
+  void begin_barrier();
+  void pass_barrier();
   bool at_end() const;  // every line handed over
 
   // Everything acknowledged so far is certainly executed (drained).
@@ -78,7 +80,7 @@ class Streamer {
 
   std::shared_ptr<ProgramSource> program_;
   const CncDevice& device_;
-  Extrusion extrusion_;
+  ProgramLineReader reader_;
   StreamerOptions options_;
   int window_;
   bool counts_bytes_;

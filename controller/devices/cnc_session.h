@@ -3,7 +3,8 @@
 //
 // Polls at most at 5 Hz (status_period), plus one query at the moment a drain's dwell is
 // acknowledged, so that a barrier does not wait for the next poll. Silence: a query unanswered for
-// `silence`. While a question ($I, $#, $X) is open its acknowledgement belongs to it; no program
+// `silence`, once the device has spoken since its port was opened or it was reset (it may still be
+// booting). While a question ($I, $#, $X) is open its acknowledgement belongs to it; no program
 // line may be sent then (`asking()`).
 #pragma once
 
@@ -52,7 +53,7 @@ class CncSession {
 
   void opened(Instant now);
   void closed();
-  void reset_sent();  // open questions die with the controller's buffer
+  void reset_sent(Instant now);  // open questions die with the controller's buffer
 
   std::vector<Event> receive(Instant now, std::string_view bytes);
   std::vector<Event> tick(Instant now);
@@ -60,8 +61,8 @@ class CncSession {
 
   void ask(Instant now, Question question);  // asserts that none is open
   Question asking() const { return question_; }
-  void query_status(Instant now);    // at once
-  void watch_closely(bool closely);  // 5 Hz, or the idle rate
+  void query_status(Instant now);                 // at once
+  void watch_closely(Instant now, bool closely);  // 5 Hz, or the idle rate
 
   std::string take_output();  // bytes to send, in order
   const CncDevice& device() const { return *device_; }
@@ -78,6 +79,7 @@ class CncSession {
   Instant next_poll_ = kNever;
   Instant silent_at_ = kNever;  // armed by the oldest unanswered query
   bool closely_ = false;
+  bool has_spoken_ = false;
   std::string output_;
 };
 

@@ -27,7 +27,7 @@ struct ExtruderTimes {
   Duration heartbeat_extruding = std::chrono::milliseconds(150);
   Duration silence = std::chrono::milliseconds(2500);
   Duration silence_extruding = std::chrono::milliseconds(500);
-  Duration acknowledge = std::chrono::milliseconds(60);  // then the order is sent again
+  Duration acknowledge = std::chrono::milliseconds(100);  // then the order is sent again
   int attempts = 5;
   Duration hello = std::chrono::milliseconds(500);  // between hellos
   Duration heat_up = std::chrono::minutes(10);      // kDone of M70
@@ -76,8 +76,9 @@ class ExtruderLink {
   std::vector<Event> tick(Instant now);
   Instant next_deadline() const;
 
-  // Queues an order. M73 and M71 displace what is queued and overtake what is outstanding, which
-  // then ends without an event.
+  // Queues an order. M73 and M71 displace what is queued and overtake an M-code that is
+  // outstanding, which then ends without an event; but M73 changes nothing when M71 is on its way
+  // already, and M71 waits for an M73 before it.
   void order(Instant now, const ExtruderOrder& order);
   void clear_fault(Instant now);
   void starve(Instant now);
@@ -90,44 +91,57 @@ class ExtruderLink {
 
  private:
   struct Outstanding {
-    wire::Frame frame;
-    std::optional<ExtruderOrder> order;  // none: settings, clearing a fault
+    wire::Frame frame;                   // numbered when it is first sent
+    std::optional<ExtruderOrder> order;  // none: a setting, or clearing a fault
     bool acknowledged = false;
     int attempts = 0;
     Instant resend_at = kNever;
     Instant give_up_at = kNever;
+    bool is(int m_code) const { return order && order->m_code == m_code; }
   };
+  using Events = std::vector<Event>;
 
-  void take(Instant now, const wire::Frame& frame, std::vector<Event>& out);
-  void take_banner(Instant now, const wire::Banner& banner, std::vector<Event>& out);
-  void take_setting(Instant now, const wire::SettingValue& value, std::vector<Event>& out);
-  void take_status(Instant now, const wire::Status& status, std::vector<Event>& out);
-  void finish(Instant now, wire::Reason reason, std::vector<Event>& out);
-  void report_fault(wire::Fault fault, std::vector<Event>& out);
-  void transmit(const wire::Frame& frame);
-  void ask_next_setting(Instant now, std::vector<Event>& out);
+  void take(Instant now, const wire::Frame& frame, Events& out);
+  void take_banner(Instant now, const wire::Banner& banner, Events& out);
+  void take_setting(Instant now, const wire::SettingValue& value, Events& out);
+  void take_status(Instant now, const wire::Status& status, Events& out);
+  void take_ack(Instant now, const wire::Frame& frame, Events& out);
+  void finish(Instant now, wire::Reason reason, Events& out);
+  void judge_fault(wire::State state, wire::Fault fault, Events& out);
+  void reject(std::string sentence, Events& out);
+  void lose(std::string sentence, Events& out);
+  void beat(Instant now);  // hello, setting, or status query: whatever is next
+  void transmit(Instant now, const wire::Frame& frame);
+  void enqueue(Instant now, Outstanding next);
   void send_next(Instant now);
+  void send_outstanding(Instant now);
+  Instant silent_at() const;
+  Instant starved_at() const;
 
   RigDescription rig_;
   ExtruderTimes times_;
   std::uint16_t session_;
   bool open_ = false;
-  bool identified_ = false;
-  bool greeted_ = false;  // banner of our session has come
+  bool lost_ = false;        // reported as such; waits for opened()
+  bool greeted_ = false;     // the banner of our session has come
+  bool identified_ = false;  // settings agree and a status has come
+  bool starving_ = false;
   bool fault_reported_ = false;
-  int setting_index_ = 0;
-  std::uint8_t sequence_ = 0;  // of the last order
-  std::uint8_t query_ = 0;     // of the last question
+  bool wants_extrusion_ = false;  // M72 ordered and no M73 since
+  std::size_t setting_ = 0;       // the next of the settings to compare
+  std::uint8_t sequence_ = 0;     // of the last order
+  std::uint8_t query_ = 0;        // of the last question
+  std::string version_;
   wire::Decoder decoder_;
-  Instant last_byte_ = Instant::zero();
-  Instant last_frame_ = Instant::zero();  // a valid one, from the board
+  Instant last_byte_{};
+  Instant last_frame_{};  // a valid one, from the board
+  Instant last_sent_{};
+  Instant closer_since_{};  // since when the shorter deadline of extruding counts
   Instant next_beat_ = kNever;
-  Instant starve_until_ = Instant::zero();
   Duration dead_man_ = std::chrono::seconds(3);  // the board's kSilence setting
   std::optional<Outstanding> outstanding_;
   std::deque<Outstanding> queue_;
   std::optional<wire::Status> status_;
-  bool wants_extrusion_ = false;  // M72 ordered and no M73 since
   std::string output_;
 };
 
