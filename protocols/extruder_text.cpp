@@ -68,6 +68,8 @@ constexpr std::array<Text, wire::kFaultCount> kFaults = {{
     {"internal",
      "The extruder firmware found an inconsistency in itself; report it with the journal."},
     {"heater timeout", "The nozzle did not reach its temperature in time; check the heater."},
+    {"refused input",
+     "The CNC asked for what the extruder could not do then; check the program's waits."},
 }};
 
 constexpr std::array<std::string_view, wire::kSettingCount> kSettings = {{

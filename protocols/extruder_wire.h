@@ -88,8 +88,9 @@ enum class Fault : uint8_t {
   kCncStopped = 10,       // in-stream: extruding while the CNC-running input is off
   kInternal = 11,         // an invariant of ours did not hold
   kHeaterTimeout = 12,    // M70 did not reach its temperature in time
+  kRefusedInput = 13,     // in-stream: the CNC asked for what the state does not allow
 };
-constexpr uint8_t kFaultCount = 13;
+constexpr uint8_t kFaultCount = 14;
 
 // Bits of Banner::reset_cause, as the ATmega328P reports them.
 constexpr uint8_t kResetPowerOn = 1;
