@@ -26,7 +26,6 @@ class Identity {
 
   void begin() { *this = Identity(); }
   void begin_clear(bool module_may_retreat);
-  void again() { cnc_asked_ = cnc_answered_ = false; }  // the CNC has reset: ask it afresh
 
   // To be called after every event until it is no longer pending.
   Outcome step(Instant now, const RigDescription& rig, CncSession& cnc, ExtruderLink& extruder);

@@ -154,7 +154,7 @@ constexpr void operator_orders(Table& t) {
        F::kJobOver);
 
   t.go({S::kIdentifying, S::kSuspended, S::kIdle, S::kFault}, E::kClear, S::kIdentifying,
-       F::kClearFaults, F::kIdentify);
+       F::kClearFaults);
   t.refuse({S::kDisconnected}, E::kClear, kNotConnected);
   t.refuse({S::kStarting, S::kRunning, S::kDraining, S::kBarrier, S::kHolding, S::kHeld,
             S::kResuming, S::kStopping, S::kResetting},

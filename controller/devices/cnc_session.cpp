@@ -85,6 +85,10 @@ std::vector<CncSession::Event> CncSession::receive(Instant now, std::string_view
 void CncSession::note(Instant now, const CncEvent& event, std::vector<Event>& out) {
   const auto answered = [&](std::string error) {
     out.push_back(Answered{question_, std::move(error)});
+    if (question_ == Question::kUnlock) {
+      facts_.status.reset();  // of before
+      query_status(now);
+    }
     question_ = Question::kNone;
     question_until_ = kNever;
   };

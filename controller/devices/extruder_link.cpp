@@ -215,6 +215,7 @@ void ExtruderLink::take_ack(Instant now, const wire::Frame& frame, Events& out) 
   wire::Ack ack;
   if (!unpack(frame, ack)) return;
   if (outstanding_ && outstanding_->frame.sequence == frame.sequence) {
+    if (status_) status_->state = ack.state;
     if (ack.reason != wire::Reason::kNone) return finish(now, ack.reason, out);
     outstanding_->acknowledged = true;
     outstanding_->resend_at = kNever;
@@ -316,6 +317,12 @@ bool ExtruderLink::busy() const {
   return outstanding_ || !queue_.empty();
 }
 
+bool ExtruderLink::warm() const {
+  if (!identified()) return false;
+  return status_->state != wire::State::kClosed && status_->state != wire::State::kClosing &&
+         status_->state != wire::State::kStandby && status_->state != wire::State::kFault;
+}
+
 bool ExtruderLink::extruding() const {
   return wants_extrusion_ || (status_ && pushes(status_->state));
 }
@@ -396,6 +403,7 @@ std::vector<ExtruderLink::Event> ExtruderLink::tick(Instant now) {
   if (starving_ && now >= starved_at()) {
     starving_ = false;
     last_frame_ = next_beat_ = now;  // silence was ours
+    status_.reset();                 // of before
   }
   if (!starving_ && now >= next_beat_) beat(now);
   return out;

@@ -83,8 +83,10 @@ class ExtruderLink {
   void clear_fault(Instant now);
   void starve(Instant now);
 
-  bool identified() const { return identified_; }
-  bool busy() const;       // an order is outstanding or queued
+  bool identified() const { return identified_ && status_; }
+  bool busy() const;  // an order is outstanding or queued
+  bool starving() const { return starving_; }
+  bool warm() const;       // open and heated, by the board's word
   bool extruding() const;  // by our orders or by the board's word
   const std::optional<wire::Status>& status() const { return status_; }
   std::string take_output();
