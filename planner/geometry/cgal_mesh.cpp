@@ -185,45 +185,7 @@ std::vector<Vec3> number_vertices(Cut& a, Cut& b) {
   return std::move(indexed.vertices);
 }
 
-// Facets that lie on each other after rounding become one, or none when nothing is left between.
-std::vector<OverlayFacet> without_coincident(std::vector<OverlayFacet> facets) {
-  std::map<Triple, std::vector<OverlayFacet>> groups;
-  std::vector<Triple> order;
-  for (OverlayFacet facet : facets) {
-    const Triple& t = facet.corners;
-    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) continue;
-    if (!is_even_permutation(t)) {
-      std::swap(facet.corners[1], facet.corners[2]);
-      std::swap(facet.front, facet.back);
-    }
-    std::rotate(facet.corners.begin(), std::min_element(facet.corners.begin(), facet.corners.end()),
-                facet.corners.end());
-    auto& group = groups[facet.corners];
-    if (group.empty()) order.push_back(facet.corners);
-    group.push_back(facet);
-  }
-  std::vector<OverlayFacet> result;
-  for (const Triple& key : order) {
-    auto& group = groups[key];
-    for (bool joined = true; joined && group.size() > 1;) {
-      joined = false;
-      for (std::size_t i = 0; i < group.size() && !joined; ++i) {
-        for (std::size_t j = 0; j < group.size() && !joined; ++j) {
-          if (i == j || group[i].back != group[j].front) continue;
-          group[i].back = group[j].back;
-          group.erase(group.begin() + static_cast<std::ptrdiff_t>(j));
-          joined = true;
-        }
-      }
-    }
-    for (const OverlayFacet& facet : group) {
-      if (facet.front != facet.back) result.push_back(facet);
-    }
-  }
-  return result;
-}
-
-Overlay overlay_of(const TriangleMesh& mesh_a, const TriangleMesh& mesh_b) {
+CellComplex overlay_of(const TriangleMesh& mesh_a, const TriangleMesh& mesh_b) {
   Cut a, b;
   a.surface = to_surface(mesh_a);
   b.surface = to_surface(mesh_b);
@@ -235,41 +197,42 @@ Overlay overlay_of(const TriangleMesh& mesh_a, const TriangleMesh& mesh_b) {
       CGAL::parameters::edge_is_constrained_map(b.is_seam));
   number_patches(a);
   number_patches(b);
-  Overlay result;
+  CellComplex result;
   result.vertices = number_vertices(a, b);
   const auto where_a = locate(a, b, result.vertices);
   const auto where_b = locate(b, a, result.vertices);
-  std::vector<OverlayFacet> facets;
+  auto& facets = result.facets;
   for (std::size_t f = 0; f < a.faces.size(); ++f) {
     switch (where_a[a.patch[f]]) {
       case Where::kOutside:
-        facets.push_back({a.triangles[f], 0, 1});
+        facets.push_back({a.triangles[f], 0, 1, 0, 0});
         break;
       case Where::kInside:
-        facets.push_back({a.triangles[f], 2, 3});
+        facets.push_back({a.triangles[f], 2, 3, 0, 0});
         break;
       case Where::kSameSurface:
-        facets.push_back({a.triangles[f], 0, 3});
+        facets.push_back({a.triangles[f], 0, 3, 0, 0});
         break;
       case Where::kOppositeSurface:
-        facets.push_back({a.triangles[f], 2, 1});
+        facets.push_back({a.triangles[f], 2, 1, 0, 0});
         break;
     }
   }
   for (std::size_t f = 0; f < b.faces.size(); ++f) {
     switch (where_b[b.patch[f]]) {
       case Where::kOutside:
-        facets.push_back({b.triangles[f], 0, 2});
+        facets.push_back({b.triangles[f], 0, 2, 0, 0});
         break;
       case Where::kInside:
-        facets.push_back({b.triangles[f], 1, 3});
+        facets.push_back({b.triangles[f], 1, 3, 0, 0});
         break;
       case Where::kSameSurface:
       case Where::kOppositeSurface:
         break;  // A's facets stand for both
     }
   }
-  result.facets = without_coincident(std::move(facets));
+  tidy(result);
+  for (std::uint32_t f = 0; f < facets.size(); ++f) facets[f].origin = f;
   return result;
 }
 
@@ -282,21 +245,21 @@ Result<TriangleMesh> read_off(const TriangleMesh& a, const TriangleMesh& b, unsi
   }
   const auto both = overlay(a, b);
   if (!both) return both.error();
-  return region(*both, labels);
+  return surface_of(*both, labels);
 }
 
 }  // namespace
 
-Result<Overlay> overlay(const TriangleMesh& a, const TriangleMesh& b) {
+Result<CellComplex> overlay(const TriangleMesh& a, const TriangleMesh& b) {
   assert(!a.empty() && !b.empty());
   const auto failed = [](const std::string& why) {
     return Error{Code::kBooleanFailed,
                  "The exact volumes of the two parts could not be computed: " + why + "."};
   };
   try {
-    Overlay result = overlay_of(a, b);
+    CellComplex result = overlay_of(a, b);
     for (unsigned label = 1; label < 4; ++label) {
-      if (!is_closed(region(result, 1u << label))) return failed("their pieces do not close");
+      if (!is_closed(surface_of(result, 1u << label))) return failed("their pieces do not close");
     }
     return result;
   } catch (const PMP::Corefinement::Self_intersection_exception&) {
@@ -304,19 +267,6 @@ Result<Overlay> overlay(const TriangleMesh& a, const TriangleMesh& b) {
   } catch (const std::exception& problem) {
     return failed(std::string("CGAL reports: ") + problem.what());
   }
-}
-
-TriangleMesh region(const Overlay& overlay, unsigned labels) {
-  TriangleMesh mesh;
-  mesh.vertices = overlay.vertices;
-  for (const OverlayFacet& facet : overlay.facets) {
-    const bool in_front = labels >> facet.front & 1, behind = labels >> facet.back & 1;
-    if (in_front == behind) continue;
-    auto [a, b, c] = facet.corners;
-    if (in_front) std::swap(b, c);
-    mesh.triangles.push_back({a, b, c});
-  }
-  return welded(mesh);
 }
 
 Result<TriangleMesh> intersection(const TriangleMesh& a, const TriangleMesh& b) {

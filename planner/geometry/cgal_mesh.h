@@ -15,33 +15,17 @@
 //   kBooleanFailed.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <optional>
-#include <vector>
 
+#include "planner/geometry/cell_complex.h"
 #include "planner/geometry/mesh.h"
 #include "protocols/result.h"
 
 namespace reforge {
 
-struct OverlayFacet {
-  std::array<std::uint32_t, 3> corners;  // counter-clockwise seen from the front
-  // Bit 0: inside A. Bit 1: inside B. The back is where the corners turn clockwise.
-  std::uint8_t front, back;
-};
-
-struct Overlay {
-  std::vector<Vec3> vertices;
-  std::vector<OverlayFacet> facets;
-};
-
-// Both must be solids.
-Result<Overlay> overlay(const TriangleMesh& a, const TriangleMesh& b);
-
-// The closed surface of the region of all points whose label is in `labels` (bit l set: label l,
-// 0..3).
-TriangleMesh region(const Overlay& overlay, unsigned labels);
+// Both must be solids. Regions: bit 0 inside A, bit 1 inside B; so 1 is A without B, 2 is B without
+// A and 3 is both. A facet's `origin` is its number.
+Result<CellComplex> overlay(const TriangleMesh& a, const TriangleMesh& b);
 
 Result<TriangleMesh> intersection(const TriangleMesh& a, const TriangleMesh& b);
 Result<TriangleMesh> difference(const TriangleMesh& a, const TriangleMesh& b);  // a without b

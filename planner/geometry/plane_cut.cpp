@@ -1,0 +1,325 @@
+// Symbols: s signed distance of a vertex from the plane; far facets have a corner with s > 0 and
+// none with s < 0 once every edge through the plane has been split; R the region being cut.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // CGAL's empty function objects, g++ 12
+#endif
+
+#include "planner/geometry/plane_cut.h"
+
+#include <CGAL/Constrained_Delaunay_triangulation_2.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Triangulation_face_base_with_info_2.h>
+#include <CGAL/Triangulation_vertex_base_with_info_2.h>
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <optional>
+
+#include "planner/geometry/height_map.h"
+#include "planner/geometry/mesh_topology.h"
+
+namespace reforge {
+namespace {
+
+constexpr double kOnPlane = 1e-5;  // mm
+
+using Edge = std::pair<std::uint32_t, std::uint32_t>;
+using Triple = std::array<std::uint32_t, 3>;
+Edge undirected(std::uint32_t a, std::uint32_t b) {
+  return {std::min(a, b), std::max(a, b)};
+}
+
+// What a cut adds to a complex before it is known which pieces are taken.
+struct Split {
+  CellComplex complex;
+  std::vector<double> distance;    // by vertex; on the plane exactly 0
+  std::vector<std::uint32_t> far;  // facets of R beyond the plane
+  std::vector<Triple> caps;        // counter-clockwise seen from the far side
+};
+
+bool borders(const CellFacet& facet, std::uint8_t region) {
+  return facet.front == region || facet.back == region;
+}
+
+// Splits every edge of R's surface that passes through the plane, in all facets that have it.
+void split_edges(Split& split, const Plane& plane, std::uint8_t region) {
+  auto& [complex, s, far, caps] = split;
+  for (const Vec3& vertex : complex.vertices) {
+    const double distance = plane.signed_distance(vertex);
+    s.push_back(std::abs(distance) < kOnPlane ? 0 : distance);
+  }
+  std::map<Edge, std::uint32_t> middle;
+  for (const CellFacet& facet : complex.facets) {
+    if (!borders(facet, region)) continue;
+    for (int k = 0; k < 3; ++k) {
+      const auto [a, b] = undirected(facet.corners[k], facet.corners[(k + 1) % 3]);
+      if (s[a] * s[b] >= 0) continue;
+      const auto [entry, is_new] =
+          middle.try_emplace({a, b}, static_cast<std::uint32_t>(complex.vertices.size()));
+      if (!is_new) continue;
+      const double t = s[a] / (s[a] - s[b]);
+      const Vec3 point = complex.vertices[a] + t * (complex.vertices[b] - complex.vertices[a]);
+      complex.vertices.push_back(point.cast<float>().cast<double>() + Vec3::Zero());
+      s.push_back(0);
+    }
+  }
+  std::vector<CellFacet> facets;
+  facets.reserve(complex.facets.size() + 3 * middle.size());
+  for (CellFacet facet : complex.facets) {
+    // Rotate so that the split edges come last, then cut corners off.
+    std::array<std::optional<std::uint32_t>, 3> on_edge;  // k: edge from corner k to k + 1
+    const auto look_up = [&] {
+      for (int k = 0; k < 3; ++k) {
+        const auto found = middle.find(undirected(facet.corners[k], facet.corners[(k + 1) % 3]));
+        on_edge[k] = found == middle.end() ? std::nullopt : std::optional(found->second);
+      }
+    };
+    look_up();
+    for (int turn = 0;
+         turn < 2 && (on_edge[0] || !on_edge[2]) && (on_edge[0] || on_edge[1] || on_edge[2]);
+         ++turn) {
+      std::rotate(facet.corners.begin(), facet.corners.begin() + 1, facet.corners.end());
+      look_up();
+    }
+    const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      CellFacet part = facet;
+      part.corners = {a, b, c};
+      facets.push_back(part);
+    };
+    const auto [a, b, c] = facet.corners;
+    if (on_edge[1] && on_edge[2]) {  // corner c is alone on its side
+      add(*on_edge[2], *on_edge[1], c);
+      add(a, b, *on_edge[1]);
+      add(a, *on_edge[1], *on_edge[2]);
+    } else if (on_edge[2]) {
+      add(a, b, *on_edge[2]);
+      add(*on_edge[2], b, c);
+    } else {
+      facets.push_back(facet);
+    }
+  }
+  complex.facets = std::move(facets);
+}
+
+void find_far(Split& split, const Plane& plane, std::uint8_t region) {
+  for (std::uint32_t f = 0; f < split.complex.facets.size(); ++f) {
+    const CellFacet& facet = split.complex.facets[f];
+    if (!borders(facet, region)) continue;
+    const auto& [a, b, c] = facet.corners;
+    const double highest = std::max({split.distance[a], split.distance[b], split.distance[c]});
+    const double lowest = std::min({split.distance[a], split.distance[b], split.distance[c]});
+    bool is_far = highest > 0;
+    if (highest == 0 && lowest == 0) {
+      // Lies in the plane: R is beyond it if R is where the normal points.
+      const auto& v = split.complex.vertices;
+      const bool faces_far = (v[b] - v[a]).cross(v[c] - v[a]).dot(plane.normal) > 0;
+      is_far = (facet.front == region) == faces_far;
+    }
+    if (is_far) split.far.push_back(f);
+  }
+}
+
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<std::uint32_t, Kernel>;
+using FaceBase =
+    CGAL::Triangulation_face_base_with_info_2<std::optional<int>, Kernel,
+                                              CGAL::Constrained_triangulation_face_base_2<Kernel>>;
+using Triangulation = CGAL::Constrained_Delaunay_triangulation_2<
+    Kernel, CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>,
+    CGAL::No_constraint_intersection_tag>;
+
+// Triangulates what the outlines enclose; false when outlines cross or points fall together.
+bool make_caps(Split& split, const Plane& plane, std::uint8_t region) {
+  std::map<Edge, int> outline;  // a < b: how often the caps run from a to b
+  for (const auto f : split.far) {
+    const CellFacet& facet = split.complex.facets[f];
+    for (int k = 0; k < 3; ++k) {
+      auto a = facet.corners[k], b = facet.corners[(k + 1) % 3];
+      if (split.distance[a] != 0 || split.distance[b] != 0) continue;
+      if (facet.front == region) std::swap(a, b);
+      // The caps seen from the far side run along the far facets' own edges: R's surface beyond
+      // the plane, seen from outside, has the cap on its left where it ends.
+      outline[undirected(a, b)] += a < b ? 1 : -1;
+    }
+  }
+  std::erase_if(outline, [](const auto& entry) { return entry.second == 0; });
+  if (outline.empty()) return true;
+  const Frame frame = Frame::along(plane.normal);
+  Triangulation triangulation;
+  std::map<std::uint32_t, Triangulation::Vertex_handle> handle;
+  for (const auto& [edge, turns] : outline) {
+    for (const auto vertex : {edge.first, edge.second}) {
+      if (handle.count(vertex)) continue;
+      const Vec3 local = frame.to_local(split.complex.vertices[vertex]);
+      const auto before = triangulation.number_of_vertices();
+      handle[vertex] = triangulation.insert(Kernel::Point_2(local.x(), local.y()));
+      if (triangulation.number_of_vertices() == before) return false;
+      handle[vertex]->info() = vertex;
+    }
+  }
+  try {
+    for (const auto& [edge, turns] : outline) {
+      triangulation.insert_constraint(handle[edge.first], handle[edge.second]);
+    }
+  } catch (const Triangulation::Intersection_of_constraints_exception&) {
+    return false;
+  }
+  // How often the outlines wind around each face, outside in.
+  std::vector<Triangulation::Face_handle> front{triangulation.infinite_face()};
+  front.front()->info() = 0;
+  while (!front.empty()) {
+    const auto face = front.back();
+    front.pop_back();
+    for (int k = 0; k < 3; ++k) {
+      const auto next = face->neighbor(k);
+      int winding = *face->info();
+      if (face->is_constrained(k)) {
+        const auto a = face->vertex(Triangulation::ccw(k))->info();
+        const auto b = face->vertex(Triangulation::cw(k))->info();
+        const auto entry = outline.find(undirected(a, b));
+        if (entry == outline.end()) return false;  // an outline runs through another one's corner
+        // The face has a -> b on its boundary; leaving it crosses the edge from its left to its
+        // right.
+        winding -= (a < b ? 1 : -1) * entry->second;
+      }
+      if (next->info()) {
+        if (*next->info() != winding) return false;
+        continue;
+      }
+      next->info() = winding;
+      front.push_back(next);
+    }
+  }
+  for (const auto face : triangulation.finite_face_handles()) {
+    const int winding = face->info().value_or(0);
+    if (winding < 0 || winding > 1) return false;
+    if (winding == 1) {
+      split.caps.push_back(
+          {face->vertex(0)->info(), face->vertex(1)->info(), face->vertex(2)->info()});
+    }
+  }
+  return true;
+}
+
+std::optional<Split> try_split(const CellComplex& complex, const Plane& plane,
+                               std::uint8_t region) {
+  Split split{complex, {}, {}, {}};
+  split_edges(split, plane, region);
+  tidy(split.complex);  // rounding may have brought vertices together
+  split.distance.clear();
+  for (const Vec3& vertex : split.complex.vertices) {
+    const double distance = plane.signed_distance(vertex);
+    split.distance.push_back(std::abs(distance) < kOnPlane ? 0 : distance);
+  }
+  find_far(split, plane, region);
+  if (!make_caps(split, plane, region)) return std::nullopt;
+  return split;
+}
+
+// The far facets (numbers below far.size()) and caps (above) of each connected piece.
+std::vector<std::vector<std::size_t>> connected(const Split& split) {
+  const std::size_t count = split.far.size() + split.caps.size();
+  TriangleMesh surface;
+  surface.vertices = split.complex.vertices;
+  for (const auto f : split.far) surface.triangles.push_back(split.complex.facets[f].corners);
+  for (const Triple& cap : split.caps) surface.triangles.push_back(cap);
+  std::uint32_t pieces_found = 0;
+  const auto piece = pieces(surface, pieces_found);
+  std::vector<std::vector<std::size_t>> members(pieces_found);
+  for (std::size_t i = 0; i < count; ++i) members[piece[i]].push_back(i);
+  return members;
+}
+
+FarPiece far_piece(const Split& split, const std::vector<std::size_t>& members,
+                   std::uint8_t region) {
+  FarPiece piece;
+  piece.surface.vertices = split.complex.vertices;
+  for (const std::size_t member : members) {
+    const bool is_cap = member >= split.far.size();
+    Triple t = is_cap ? split.caps[member - split.far.size()]
+                      : split.complex.facets[split.far[member]].corners;
+    // Outward: caps look to the near side, facets away from R.
+    if (is_cap || split.complex.facets[split.far[member]].front == region) std::swap(t[1], t[2]);
+    piece.surface.triangles.push_back(t);
+    if (!is_cap) piece.origins.push_back(split.complex.facets[split.far[member]].origin);
+  }
+  piece.surface = welded(piece.surface);
+  return piece;
+}
+
+// Shells that enclose a hollow go with the piece around it.
+void join_hollows(std::vector<std::vector<std::size_t>>& members, std::vector<FarPiece>& found) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (volume(found[i].surface) >= 0) continue;
+    for (std::size_t j = 0; j < found.size(); ++j) {
+      if (i == j || volume(found[j].surface) <= 0) continue;
+      if (!contains(found[j].surface, found[i].surface.vertices.front())) continue;
+      members[j].insert(members[j].end(), members[i].begin(), members[i].end());
+      found[j].surface = joined(found[j].surface, found[i].surface);
+      found[j].origins.insert(found[j].origins.end(), found[i].origins.begin(),
+                              found[i].origins.end());
+      members[i].clear();
+      break;
+    }
+  }
+}
+
+void take_pieces(Split& split, std::uint8_t region, std::uint8_t becomes, std::uint32_t mark,
+                 const std::function<bool(const FarPiece&)>& take) {
+  auto members = connected(split);
+  std::vector<FarPiece> found;
+  for (const auto& piece : members) found.push_back(far_piece(split, piece, region));
+  join_hollows(members, found);
+  for (std::size_t p = 0; p < members.size(); ++p) {
+    if (members[p].empty() || !take(found[p])) continue;
+    for (const std::size_t member : members[p]) {
+      if (member < split.far.size()) {
+        CellFacet& facet = split.complex.facets[split.far[member]];
+        (facet.front == region ? facet.front : facet.back) = becomes;
+      } else {
+        const Triple& cap = split.caps[member - split.far.size()];
+        split.complex.facets.push_back({cap, becomes, region, 0, mark});
+      }
+    }
+  }
+  tidy(split.complex);
+}
+
+}  // namespace
+
+Result<Plane> cut_off(CellComplex& complex, const Plane& plane, std::uint8_t region,
+                      std::uint8_t becomes, std::uint32_t mark,
+                      const std::function<bool(const FarPiece&)>& take) {
+  assert(region != becomes);
+  for (int attempt = 0; attempt < 6; ++attempt) {
+    Plane moved = plane;
+    moved.offset -= attempt * 4e-5;
+    auto split = try_split(complex, moved, region);
+    if (!split) continue;
+    take_pieces(*split, region, becomes, mark, take);
+    if (!is_closed(surface_of(split->complex, 1u << region)) ||
+        !is_closed(surface_of(split->complex, 1u << becomes))) {
+      continue;
+    }
+    complex = std::move(split->complex);
+    return moved;
+  }
+  return Error{Code::kBooleanFailed,
+               "A volume could not be cut by a clipping plane: its outline there crosses itself."};
+}
+
+Result<std::pair<TriangleMesh, TriangleMesh>> split_by(const TriangleMesh& solid,
+                                                       const Plane& plane) {
+  CellComplex complex;
+  complex.vertices = solid.vertices;
+  for (std::uint32_t t = 0; t < solid.triangles.size(); ++t) {
+    complex.facets.push_back({solid.triangles[t], 0, 1, t, 0});
+  }
+  tidy(complex);
+  const auto used = cut_off(complex, plane, 1, 2, 1, [](const FarPiece&) { return true; });
+  if (!used) return used.error();
+  return std::pair{surface_of(complex, 1u << 1), surface_of(complex, 1u << 2)};
+}
+
+}  // namespace reforge
