@@ -269,13 +269,13 @@ Result<CellComplex> overlay(const TriangleMesh& a, const TriangleMesh& b) {
   }
 }
 
-Result<TriangleMesh> intersection(const TriangleMesh& a, const TriangleMesh& b) {
+Result<TriangleMesh> boolean_intersection(const TriangleMesh& a, const TriangleMesh& b) {
   return read_off(a, b, 1u << 3);
 }
-Result<TriangleMesh> difference(const TriangleMesh& a, const TriangleMesh& b) {
+Result<TriangleMesh> boolean_difference(const TriangleMesh& a, const TriangleMesh& b) {
   return read_off(a, b, 1u << 1);
 }
-Result<TriangleMesh> unite(const TriangleMesh& a, const TriangleMesh& b) {
+Result<TriangleMesh> boolean_union(const TriangleMesh& a, const TriangleMesh& b) {
   return read_off(a, b, 1u << 1 | 1u << 2 | 1u << 3);
 }
 

@@ -27,9 +27,10 @@ namespace reforge {
 // A and 3 is both. A facet's `origin` is its number.
 Result<CellComplex> overlay(const TriangleMesh& a, const TriangleMesh& b);
 
-Result<TriangleMesh> intersection(const TriangleMesh& a, const TriangleMesh& b);
-Result<TriangleMesh> difference(const TriangleMesh& a, const TriangleMesh& b);  // a without b
-Result<TriangleMesh> unite(const TriangleMesh& a, const TriangleMesh& b);
+Result<TriangleMesh> boolean_intersection(const TriangleMesh& a, const TriangleMesh& b);
+Result<TriangleMesh> boolean_difference(const TriangleMesh& a,
+                                        const TriangleMesh& b);  // a without b
+Result<TriangleMesh> boolean_union(const TriangleMesh& a, const TriangleMesh& b);
 
 // A point near which the surface passes through itself, if anywhere.
 std::optional<Vec3> self_intersects(const TriangleMesh& mesh);

@@ -41,19 +41,19 @@ TEST(Solids, ACoincidingWallIsOneWall) {
 
 TEST(Solids, SolidsThatOnlyTouchDoNotIntersect) {
   const auto a = box(0, 0, 0, 10, 10, 10), b = box(10, 0, 0, 20, 10, 10);
-  EXPECT_TRUE(intersection(a, b)->empty());
-  expect_solid(*unite(a, b), 2000);
-  expect_solid(*difference(a, b), 1000);
+  EXPECT_TRUE(boolean_intersection(a, b)->empty());
+  expect_solid(*boolean_union(a, b), 2000);
+  expect_solid(*boolean_difference(a, b), 1000);
 }
 
 TEST(Solids, AResultCanBeUsedAgain) {
-  auto block = difference(box(0, 0, 0, 30, 20, 10),
-                          make_cylinder(Vec3(15, 10, -1), Vec3(15, 10, 11), 5, 32));
+  auto block = boolean_difference(box(0, 0, 0, 30, 20, 10),
+                                  make_cylinder(Vec3(15, 10, -1), Vec3(15, 10, 11), 5, 32));
   ASSERT_TRUE(block.ok());
   const double left = volume(*block);
-  const auto gouged = difference(*block, box(10, -1, 8, 20, 21, 11));
+  const auto gouged = boolean_difference(*block, box(10, -1, 8, 20, 21, 11));
   ASSERT_TRUE(gouged.ok()) << gouged.error().sentence;
-  const auto gouge = difference(*block, *gouged);
+  const auto gouge = boolean_difference(*block, *gouged);
   ASSERT_TRUE(gouge.ok()) << gouge.error().sentence;
   EXPECT_NEAR(volume(*gouged) + volume(*gouge), left, 1e-3);
   EXPECT_LT(volume(*gouged), left - 100);
@@ -94,8 +94,8 @@ TEST(PlaneCut, APlaneThroughCornersAndFacesCutsCleanly) {
 }
 
 TEST(PlaneCut, ARingIsCappedTwice) {
-  const auto ring = difference(make_cylinder(Vec3(0, 0, 0), Vec3(0, 0, 5), 10, 40),
-                               make_cylinder(Vec3(0, 0, -1), Vec3(0, 0, 6), 6, 40));
+  const auto ring = boolean_difference(make_cylinder(Vec3(0, 0, 0), Vec3(0, 0, 5), 10, 40),
+                                       make_cylinder(Vec3(0, 0, -1), Vec3(0, 0, 6), 6, 40));
   ASSERT_TRUE(ring.ok());
   const auto across = split_by(*ring, Plane{Vec3::UnitX(), 0.3});
   ASSERT_TRUE(across.ok());
@@ -106,8 +106,8 @@ TEST(PlaneCut, ARingIsCappedTwice) {
 }
 
 TEST(PlaneCut, OnlyTheWantedPieceIsCutOff) {
-  auto fork = unite(box(0, 0, 0, 30, 10, 10), box(0, 0, 10, 8, 10, 30));
-  fork = unite(*fork, box(22, 0, 10, 30, 10, 30));
+  auto fork = boolean_union(box(0, 0, 0, 30, 10, 10), box(0, 0, 10, 8, 10, 30));
+  fork = boolean_union(*fork, box(22, 0, 10, 30, 10, 30));
   ASSERT_TRUE(fork.ok());
   CellComplex complex;
   complex.vertices = fork->vertices;
