@@ -304,6 +304,16 @@ Result<std::vector<StoredJob>> Store::jobs() {
   return out;
 }
 
+Result<bool> Store::rig_was_left_suspended() {
+  // Only `idle` says that the CNC had nothing left to do.
+  Statement statement(impl_->db(),
+                      "SELECT count(*) FROM rig_changes WHERE rowid > "
+                      "(SELECT coalesce(max(rowid), 0) FROM rig_changes WHERE to_state = 'idle') "
+                      "AND to_state NOT IN ('disconnected', 'identifying', 'fault')");
+  if (!statement.row()) return impl_->error("cannot be read");
+  return statement.number(0) > 0;
+}
+
 Result<std::vector<JobId>> Store::write(const std::vector<Record>& records) {
   if (!impl_->run("BEGIN IMMEDIATE")) return impl_->error("cannot be written");
   std::vector<JobId> added(records.size(), JobId{0});

@@ -84,6 +84,8 @@ class Store {
   ~Store();
 
   Result<std::vector<StoredJob>> jobs();
+  // Did the last daemon leave work in the CNC that nobody has cleared since?
+  Result<bool> rig_was_left_suspended();
   // All of them or none, durable on return. For each record the number of the job it added, or 0.
   Result<std::vector<JobId>> write(const std::vector<Record>& records);
 

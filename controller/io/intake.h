@@ -1,0 +1,41 @@
+// Takes a job folder in: checks it against its certificate, copies it into the state directory, and
+// checks the copy, so that nothing that happens to the folder later matters. On a thread of its
+// own: a big job on a slow disk holds up nobody's stream.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "protocols/job.h"
+#include "protocols/result.h"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace reforge {
+
+struct TakenIn {
+  JobFolder job;
+  std::string folder;  // of the copy, under the directory of all copies
+};
+
+class Intake {
+ public:
+  // Copies go to `directory`, each into a folder with a name of its own.
+  Intake(boost::asio::io_context& io, std::filesystem::path directory);
+  ~Intake();  // finishes the copy under way, drops the rest
+
+  // `done` is called in the io_context's thread, in the order of the calls.
+  void take(const std::filesystem::path& folder, std::function<void(Result<TakenIn>)> done);
+  // The same check of a copy again, after others had their hands on it.
+  void check(const std::string& copy, std::function<void(Result<JobFolder>)> done);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace reforge

@@ -1,0 +1,285 @@
+#include "controller/job_queue.h"
+
+#include <spdlog/spdlog.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <cassert>
+#include <set>
+
+#include "controller/core/recovery.h"
+#include "controller/io/program_file.h"
+
+namespace reforge {
+namespace {
+
+namespace fs = std::filesystem;
+using api::JobState;
+
+std::int64_t number(JobId job) {
+  return static_cast<std::int64_t>(job);
+}
+
+bool waits(JobState state) {
+  return state <= JobState::kReady;
+}
+
+}  // namespace
+
+JobQueue::JobQueue(boost::asio::io_context& io, const DaemonConfig& config, std::string rig_sha256,
+                   Journal& journal, std::function<void(JobId)> on_changed)
+    : io_(io),
+      config_(config),
+      rig_sha256_(std::move(rig_sha256)),
+      journal_(journal),
+      on_changed_(std::move(on_changed)),
+      intake_(io, config.state_directory / "jobs") {}
+
+bool JobQueue::load(std::vector<journal::StoredJob> jobs) {
+  bool interrupted = false;
+  std::set<std::string> folders;
+  for (journal::StoredJob& job : jobs) {
+    folders.insert(job.submitted.folder);
+    jobs_.emplace(job.id, std::move(job));
+  }
+  for (auto& [id, job] : jobs_) {
+    if (api::has_the_rig(job.state)) {
+      interrupted = true;
+      enter(id, JobState::kInterrupted, interruption_sentence(job.certainty, job.sent_known));
+    } else if (job.state == JobState::kVerifying) {
+      enter(id, JobState::kQueued, "The daemon ended while it was being verified.");
+    }
+  }
+  // A copy whose job never reached the journal was never promised to anybody.
+  std::error_code failed;
+  for (const auto& entry : fs::directory_iterator(config_.state_directory / "jobs", failed)) {
+    if (!folders.contains(entry.path().filename().string())) fs::remove_all(entry.path(), failed);
+  }
+  return interrupted;
+}
+
+void JobQueue::begin_verifying() {
+  verify_next();
+}
+
+fs::path JobQueue::folder_of(const journal::StoredJob& job) const {
+  return config_.state_directory / "jobs" / job.submitted.folder;
+}
+
+void JobQueue::submit(const std::string& path, const std::string& who,
+                      std::function<void(Result<JobId>)> done) {
+  if (!fs::path(path).is_absolute()) {
+    done(Error{Code::kOutOfRange, "\"" + path + "\": the path of a job must be absolute."});
+    return;
+  }
+  if (static_cast<int>(waiting().size()) + being_taken_in_ >= config_.waiting_jobs_max) {
+    done(Error{Code::kBusy, "The queue is full: " + std::to_string(config_.waiting_jobs_max) +
+                                " jobs wait already."});
+    return;
+  }
+  ++being_taken_in_;
+  intake_.take(path, [this, who, done = std::move(done)](const Result<TakenIn>& taken) {
+    --being_taken_in_;
+    if (!taken) {
+      done(taken.error());
+      return;
+    }
+    std::error_code ignored;
+    if (taken->job.rig_sha256 != rig_sha256_) {
+      fs::remove_all(config_.state_directory / "jobs" / taken->folder, ignored);
+      done(Error{Code::kHashMismatch, "The job was planned for another rig file than " +
+                                          config_.rig.string() + "; plan it again for this rig."});
+      return;
+    }
+    journal::StoredJob job;
+    job.submitted = {taken->job.name,
+                     taken->folder,
+                     taken->job.program_sha256,
+                     taken->job.rig_sha256,
+                     taken->job.mode == Mode::kPaper ? "paper" : "strict",
+                     taken->job.lines,
+                     taken->job.estimated_s,
+                     who};
+    journal_.write(journal::AddJob{job.submitted}, [this, job, done](JobId id) mutable {
+      job.id = id;
+      job.submitted_at = job.changed_at = journal::now_utc();
+      jobs_.emplace(id, std::move(job));
+      done(id);
+      on_changed_(id);
+      verify_next();
+    });
+  });
+}
+
+Status JobQueue::exists(JobId job) const {
+  if (jobs_.contains(job)) return Unit{};
+  return Error{Code::kNoSuchJob, "There is no job " + std::to_string(number(job)) + "."};
+}
+
+JobState JobQueue::state(JobId job) const {
+  return jobs_.at(job).state;
+}
+
+Result<JobOrder> JobQueue::order(JobId id) const {
+  if (Status known = exists(id); !known) return known.error();
+  const journal::StoredJob& job = jobs_.at(id);
+  if (job.state != JobState::kReady) {
+    const std::string why = job.reason.empty() ? "" : ": " + job.reason;
+    return Error{Code::kRefused, "Job " + std::to_string(number(id)) + " is " +
+                                     api::name_of(job.state) + ", not ready" + why};
+  }
+  const auto program = ProgramFile::open(folder_of(job) / "program.nc", job.submitted.lines);
+  if (!program) return program.error();
+  return JobOrder{id, job.submitted.name,
+                  job.submitted.mode == "paper" ? Mode::kPaper : Mode::kStrict, *program};
+}
+
+Status JobQueue::withdraw(JobId id, const std::string& who) {
+  if (Status known = exists(id); !known) return known;
+  const journal::StoredJob& job = jobs_.at(id);
+  if (!waits(job.state)) {
+    return Error{Code::kRefused, "Job " + std::to_string(number(id)) + " is already " +
+                                     api::name_of(job.state) + "."};
+  }
+  if (job.state == JobState::kVerifying && verifying_ == id) {
+    verifier_.reset();
+    boost::asio::post(io_, [this] { verify_next(); });
+  }
+  enter(id, JobState::kAborted, "Taken from the queue by " + who + ".");
+  return Unit{};
+}
+
+void JobQueue::enter(JobId id, JobState state, std::string reason) {
+  journal::StoredJob& job = jobs_.at(id);
+  job.state = state;
+  job.reason = std::move(reason);
+  job.changed_at = journal::now_utc();
+  journal_.write(journal::ChangeJob{id, state, job.reason, std::nullopt, 0, 0});
+  spdlog::info("Job {} ({}): {}. {}", number(id), job.submitted.name, api::name_of(state),
+               job.reason);
+  on_changed_(id);
+}
+
+void JobQueue::verify_next() {
+  if (verifier_) return;
+  for (auto& [id, job] : jobs_) {
+    if (job.state != JobState::kQueued) continue;
+    std::vector<std::string> command = config_.verifier.command;
+    command.push_back(folder_of(job).string());
+    auto child = ChildProcess::run(
+        io_, command, {config_.verifier.memory_mib, config_.verifier.seconds},
+        [this, job_id = id](const ChildOutcome& outcome) { verifier_ended(job_id, outcome); });
+    if (!child) {
+      enter(id, JobState::kFailed, "It could not be verified: " + child.error().sentence);
+      continue;
+    }
+    verifier_ = std::move(*child);
+    verifying_ = id;
+    enter(id, JobState::kVerifying, "");
+    return;
+  }
+}
+
+void JobQueue::verifier_ended(JobId id, const ChildOutcome& outcome) {
+  if (!outcome.exit_code) {
+    enter(id, JobState::kFailed, "It could not be verified: " + outcome.sentence + ".");
+  } else if (*outcome.exit_code != 0) {
+    enter(id, JobState::kFailed, "The verifier refuses it: " + outcome.last_line);
+  } else {
+    // The verifier has written its own certificate into the copy: it must say `pass`, for the very
+    // bytes that were submitted.
+    intake_.check(jobs_.at(id).submitted.folder,
+                  [this, id](const Result<JobFolder>& copy) { verified(id, copy); });
+  }
+  // Not from inside the child's own callback.
+  verifying_.reset();
+  boost::asio::post(io_, [this] {
+    verifier_.reset();
+    verify_next();
+  });
+}
+
+void JobQueue::verified(JobId id, const Result<JobFolder>& copy) {
+  const journal::StoredJob& job = jobs_.at(id);
+  if (job.state != JobState::kVerifying) return;  // withdrawn meanwhile
+  if (!copy) {
+    enter(id, JobState::kFailed, copy.error().sentence);
+  } else if (copy->program_sha256 != job.submitted.program_sha256 ||
+             copy->rig_sha256 != job.submitted.rig_sha256) {
+    enter(id, JobState::kFailed, "The job was changed while it was verified.");
+  } else {
+    enter(id, JobState::kReady, "");
+  }
+}
+
+void JobQueue::changed(const JobChanged& change, std::int64_t toggles, double machine_s) {
+  journal::StoredJob& job = jobs_.at(change.job);
+  job.state = change.state;
+  job.reason = change.sentence;
+  job.changed_at = journal::now_utc();
+  job.certainty = change.certainty;
+  job.sent_known = is_over(change.state);
+  job.toggles = toggles;
+  job.machine_s = machine_s;
+  journal_.write(journal::ChangeJob{change.job, change.state, change.sentence, change.certainty,
+                                    toggles, machine_s});
+  spdlog::info("Job {} ({}): {}. {}", number(change.job), job.submitted.name,
+               api::name_of(change.state), change.sentence);
+  on_changed_(change.job);
+}
+
+void JobQueue::journalled(const journal::Acknowledge& lines) {
+  journal::StoredJob& job = jobs_.at(lines.job);
+  if (is_over(job.state)) return;  // its end says more
+  job.certainty = lines.certainty;
+  job.toggles = lines.toggles;
+  job.machine_s = lines.machine_s;
+}
+
+api::JobReport JobQueue::report(JobId id) const {
+  const journal::StoredJob& job = jobs_.at(id);
+  api::JobReport out;
+  out.job = number(id);
+  out.name = job.submitted.name;
+  out.state = job.state;
+  out.reason = job.reason;
+  out.mode = job.submitted.mode;
+  out.submitted_by = job.submitted.submitted_by;
+  out.submitted_at = job.submitted_at;
+  out.changed_at = job.changed_at;
+  out.program_sha256 = job.submitted.program_sha256;
+  out.lines = job.submitted.lines;
+  out.executed = job.certainty.executed;
+  out.acknowledged = job.certainty.acknowledged;
+  out.horizon = job.certainty.horizon;
+  out.toggles = job.toggles;
+  out.machine_s = job.machine_s;
+  out.estimated_s = job.submitted.estimated_s;
+  if (is_over(job.state) && job.state != JobState::kDone) {
+    out.uncertain = uncertain_lines(job.certainty, job.sent_known);
+  }
+  return out;
+}
+
+std::vector<JobId> JobQueue::all() const {
+  std::vector<JobId> out;
+  for (const auto& [id, job] : jobs_) out.push_back(id);
+  return out;
+}
+
+std::vector<JobId> JobQueue::waiting() const {
+  std::vector<JobId> out;
+  for (const auto& [id, job] : jobs_) {
+    if (waits(job.state)) out.push_back(id);
+  }
+  return out;
+}
+
+std::optional<JobId> JobQueue::with_rig() const {
+  for (const auto& [id, job] : jobs_) {
+    if (api::has_the_rig(job.state)) return id;
+  }
+  return std::nullopt;
+}
+
+}  // namespace reforge

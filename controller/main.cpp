@@ -1,0 +1,55 @@
+// reforged: the daemon that runs jobs on the rig. Exit codes are those of sysexits.h.
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/sinks/systemd_sink.h>
+#include <spdlog/spdlog.h>
+#include <sysexits.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+
+#include "controller/config.h"
+#include "controller/daemon.h"
+
+namespace {
+
+// As a service the journal of the system takes the lines and knows their time; otherwise stderr.
+void choose_log() {
+  const bool as_service = std::getenv("JOURNAL_STREAM") != nullptr;
+  if (as_service) {
+    spdlog::set_default_logger(spdlog::systemd_logger_mt("reforged", "reforged", true));
+  } else {
+    spdlog::set_default_logger(spdlog::stderr_logger_mt("reforged"));
+    spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
+  }
+  spdlog::flush_on(spdlog::level::info);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"reforged: runs hybrid jobs on the rig"};
+  std::string file = "/etc/reforge/reforged.json";
+  bool check = false;
+  app.add_option("--config", file, "The configuration")->capture_default_str();
+  app.add_flag("--check", check, "Only read configuration and rig file");
+  app.set_version_flag("--version", "reforged " REFORGE_VERSION);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? EX_OK : EX_USAGE;
+  }
+  choose_log();
+  const auto config = reforge::read_config(file);
+  if (!config) {
+    spdlog::critical("{}", config.error().sentence);
+    return EX_CONFIG;
+  }
+  if (check) {
+    const auto rig = reforge::rig_for(*config);
+    if (!rig) spdlog::critical("{}", rig.error().sentence);
+    return rig ? EX_OK : EX_CONFIG;
+  }
+  const reforge::DaemonEnd end = reforge::run_daemon(*config);
+  if (end.exit_code != EX_OK) spdlog::critical("{}", end.sentence);
+  return end.exit_code;
+}
