@@ -57,6 +57,7 @@ constexpr Pin kDirection = {'B', 0};
 constexpr Pin kServo = {'B', 2};
 constexpr Pin kRelay = {'B', 3};
 constexpr Pin kRunPermitted = {'B', 4};
+constexpr Pin kReady = {'D', 5};
 constexpr Pin kEnable = {'D', 7};
 constexpr Pin kHeater = {'D', 6};
 constexpr Pin kFilament = {'D', 4};
@@ -105,7 +106,7 @@ struct AvrBoard::Chip {
   int own_resets = 0;
 
   bool step = false, direction = false, enable_low = false, heater = false, servo = false;
-  bool relay = false, run_permitted = false;
+  bool relay = false, run_permitted = false, ready = false;
   std::vector<StepEdge> steps;
   int64_t position = 0;
   int64_t servo_rise = 0, servo_last = 0;
@@ -154,6 +155,7 @@ struct AvrBoard::Chip {
   static void on_run(avr_irq_t*, uint32_t value, void* param) {
     of(param).run_permitted = value & 1;
   }
+  static void on_ready(avr_irq_t*, uint32_t value, void* param) { of(param).ready = value & 1; }
   static void on_servo(avr_irq_t*, uint32_t value, void* param) {
     Chip& c = of(param);
     const bool high = value & 1;
@@ -222,6 +224,10 @@ void AvrBoard::Chip::on_reset(avr_t* avr) {
   Chip& c = of(avr->custom.data);
   if (c.core_reset) c.core_reset(avr);
   if (!c.resetting) ++c.own_resets;
+  // A chip in reset lets go of its pins: pull-downs switch heater, relay and hold off, the driver
+  // sleeps.
+  c.set_heater(false);
+  c.step = c.servo = c.relay = c.run_permitted = c.ready = c.enable_low = false;
   c.set_alarm();
 }
 
@@ -237,8 +243,8 @@ void AvrBoard::Chip::connect() {
   avr_ioctl(avr, static_cast<uint32_t>(AVR_IOCTL_UART_SET_FLAGS('0')), &flags);
 
   const std::pair<Pin, avr_irq_notify_t> outputs[] = {
-      {kStep, on_step},   {kDirection, on_direction}, {kEnable, on_enable},   {kHeater, on_heater},
-      {kServo, on_servo}, {kRelay, on_relay},         {kRunPermitted, on_run}};
+      {kStep, on_step},   {kDirection, on_direction}, {kEnable, on_enable},    {kHeater, on_heater},
+      {kServo, on_servo}, {kRelay, on_relay},         {kRunPermitted, on_run}, {kReady, on_ready}};
   for (const auto& [pin, notify] : outputs) avr_irq_register_notify(pin_irq(pin), notify, this);
   avr_irq_register_notify(
       avr_io_getirq(avr, static_cast<uint32_t>(AVR_IOCTL_UART_GETIRQ('0')), UART_IRQ_OUTPUT),
@@ -342,10 +348,6 @@ void AvrBoard::reset(BoardReset cause) {
   c.resetting = true;
   avr_reset(c.avr);
   c.resetting = false;
-  // A chip in reset lets go of its pins: pull-downs switch heater, relay and hold off, the driver
-  // sleeps.
-  c.set_heater(false);
-  c.step = c.servo = c.relay = c.run_permitted = c.enable_low = false;
   c.to_board.clear();
   c.from_board.clear();
   c.receive_free = c.now();
@@ -365,7 +367,7 @@ bool AvrBoard::crashed() const {
 BoardOutputs AvrBoard::outputs() const {
   const Chip& c = *chip_;
   const bool driven = c.now() - c.servo_last < kServoMemoryCycles;
-  return {c.heater, c.enable_low, c.relay, driven ? c.servo_pulse_us : 0, c.run_permitted};
+  return {c.heater, c.enable_low, c.relay, driven ? c.servo_pulse_us : 0, c.run_permitted, c.ready};
 }
 
 double AvrBoard::take_heater_duty() {

@@ -38,6 +38,7 @@ struct BoardOutputs {
   bool module_relay;   // true = open
   int servo_pulse_us;  // of the last pulse in the last 40 ms; 0 = the servo is not driven
   bool run_permitted;  // the hold output, energised = the CNC may run
+  bool ready;          // to the CNC: no M-code under way, no fault
 };
 
 class AvrBoard {

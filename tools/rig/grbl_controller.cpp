@@ -8,7 +8,6 @@
 namespace reforge {
 namespace {
 
-constexpr int64_t kNsPerMs = 1'000'000;
 constexpr int64_t kLineNs = 400'000;          // reading, checking and planning one line
 constexpr int64_t kEepromNs = 20 * kNsPerMs;  // interrupts are off while it is written
 constexpr size_t kLineBuffer = 79;
@@ -22,7 +21,7 @@ int64_t to_ns(double seconds) {
 
 }  // namespace
 
-GrblController::GrblController(const RigDescription& rig, bool homed)
+GrblController::GrblController(const RigDescription& rig, bool homed, bool hold_input)
     : axes_(cnc_axes(rig)),
       receive_buffer_bytes_(rig.cnc.receive_buffer_bytes),
       line_length_max_(rig.cnc.line_length_max),
@@ -30,7 +29,8 @@ GrblController::GrblController(const RigDescription& rig, bool homed)
       max_rpm_(rig.spindle.max_rpm),
       settings_(default_settings(rig, axes_)),
       motion_(motion_limits(), axes_.home),
-      parser_position_(axes_.home) {
+      parser_position_(axes_.home),
+      hold_input_(hold_input) {
   offsets_[0] = axes_.g54_origin;
   if (!homed) alarm_ = 11;  // grblHAL: homing required
   send_banner();

@@ -63,7 +63,8 @@ struct CncEvent {
 
 class GrblController {
  public:
-  explicit GrblController(const RigDescription& rig, bool homed = true);
+  // Powered on: homed by its operator, or locked until homed; with the hold input as it stands.
+  explicit GrblController(const RigDescription& rig, bool homed = true, bool hold_input = false);
 
   void advance_to(int64_t ns);
   int64_t next_event_ns() const;  // kNeverNs: nothing will happen without bytes

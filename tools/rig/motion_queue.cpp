@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace reforge {
 namespace {
 
-constexpr double kNsPerSecond = 1e9;
 constexpr double kTinyLength = 1e-9;
 
 double dot(const Axes& a, const Axes& b) {
@@ -126,7 +126,7 @@ void MotionQueue::plan_front_hold() {
 }
 
 double MotionQueue::seconds_in() const {
-  return static_cast<double>(now_ - phases_since_ns_) / kNsPerSecond;
+  return static_cast<double>(now_ - phases_since_ns_) / 1e9;
 }
 
 double MotionQueue::distance_in(const std::vector<Phase>& phases, double seconds, double& speed) {
@@ -157,7 +157,7 @@ void MotionQueue::settle_front() {
 int64_t MotionQueue::front_end_ns() const {
   double seconds = 0;
   for (const Phase& phase : phases_) seconds += phase.seconds;
-  return phases_since_ns_ + static_cast<int64_t>(std::ceil(seconds * kNsPerSecond));
+  return phases_since_ns_ + static_cast<int64_t>(std::ceil(seconds * 1e9));
 }
 
 int64_t MotionQueue::next_event_ns() const {

@@ -10,14 +10,12 @@
 
 #include <cstdint>
 #include <deque>
-#include <limits>
 #include <vector>
 
 #include "tools/rig/cnc_axes.h"
+#include "tools/rig/virtual_time.h"
 
 namespace reforge {
-
-constexpr int64_t kNeverNs = std::numeric_limits<int64_t>::max();
 
 struct FinishedMove {
   int64_t ns;

@@ -1,0 +1,41 @@
+// A serial port of the virtual rig: the master side of a pseudo-terminal, raw, with a symbolic link
+// to its slave side at a stable path. The slave is kept open here too, so that a program that
+// closes it does not hang up the master (EIO). Non-blocking.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "protocols/result.h"
+#include "tools/rig/file_handle.h"
+
+namespace reforge {
+
+class PtyPort {
+ public:
+  // Replaces a link an earlier run left behind, and nothing else. Removed with the object.
+  static Result<PtyPort> create(const std::filesystem::path& link);
+  PtyPort(PtyPort&& other) noexcept;
+  PtyPort& operator=(PtyPort&&) = delete;
+  ~PtyPort();
+
+  int fd() const { return master_.get(); }
+  const std::filesystem::path& link() const { return link_; }
+  const std::string& device() const { return device_; }  // "/dev/pts/N"
+
+  std::string read();  // whatever is there, perhaps nothing
+  // How many bytes were taken; the rest is lost, as on a wire whose host does not listen.
+  size_t write(std::string_view bytes);
+  // Whether closing the port drops DTR (HUPCL), as the program that uses it has set it.
+  bool drops_dtr_on_close() const;
+
+ private:
+  PtyPort(FileHandle master, FileHandle slave, std::string device, std::filesystem::path link);
+
+  FileHandle master_, slave_;
+  std::string device_;
+  std::filesystem::path link_;
+};
+
+}  // namespace reforge

@@ -1,0 +1,207 @@
+#include "tools/rig/virtual_rig.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+namespace reforge {
+namespace {
+
+constexpr double kTemperatureStep_c = 1;
+
+double rounded(double value, double unit) {
+  return std::round(value / unit) * unit + 0.0;
+}
+
+std::size_t index(Link link) {
+  return static_cast<std::size_t>(link);
+}
+
+}  // namespace
+
+VirtualRig::VirtualRig(const RigDescription& rig, bool homed, std::unique_ptr<ExtruderBoard> board,
+                       Trace* trace)
+    : cnc_(rig, homed, !board->run_permitted()),
+      board_(std::move(board)),
+      trace_(trace),
+      to_cnc_(rig.cnc.baud),
+      from_cnc_(rig.cnc.baud),
+      permitted_(board_->run_permitted()),
+      noted_c_(board_->nozzle_c()) {}
+
+void VirtualRig::host_wrote(Link link, std::string_view bytes) {
+  if (link == Link::kCnc) {
+    to_cnc_.send(bytes, now_);
+  } else {
+    witness_.host_sent(bytes);
+    board_->receive(bytes);
+  }
+}
+
+void VirtualRig::dtr(Link link, bool high) {
+  write(now_, "dtr", {{"port", link == Link::kCnc ? "cnc" : "extruder"}, {"high", high}});
+  if (link != Link::kExtruder || !high) return;
+  board_->reset();
+  witness_.was_reset(now_, "DTR");
+  write_witness(cnc_.g54_position());
+}
+
+std::string VirtualRig::take_for_host(Link link) {
+  return std::exchange(for_host_[index(link)], {});
+}
+
+void VirtualRig::advance(int64_t until_ns) {
+  assert(until_ns >= now_);
+  while (now_ < until_ns) {
+    step_to(std::min(until_ns, (now_ / kNsPerMs + 1) * kNsPerMs));
+    if (!for_host_[0].empty() || !for_host_[1].empty()) return;
+  }
+}
+
+void VirtualRig::step_to(int64_t ns) {
+  board_->advance_to(ns);
+  const std::vector<FilamentStep> steps = board_->take_steps();
+  witness_.stepped(steps);
+  // Where the tool was at the last step: the board may be an instruction ahead of us.
+  Axes at_last_step = cnc_.g54_position();
+  if (!steps.empty()) {
+    run_cnc_to(std::clamp(steps.back().ns, now_, ns));
+    at_last_step = cnc_.g54_position();
+  }
+  write_witness(at_last_step);
+  run_cnc_to(ns);
+  now_ = ns;
+
+  const std::string bytes = board_->take_transmitted();
+  if (!bytes.empty()) witness_.board_sent(bytes, board_->last_transmit_start_ns());
+  witness_.looked_at(ns);
+  write_witness(cnc_.g54_position());
+  for_host_[index(Link::kExtruder)] += bytes;
+  for_host_[index(Link::kCnc)] += from_cnc_.take_arrived(ns);
+  watch_board();
+}
+
+void VirtualRig::run_cnc_to(int64_t ns) {
+  while (true) {
+    const int64_t next = std::min({ns, to_cnc_.next_arrival_ns(), cnc_.next_event_ns()});
+    cnc_.advance_to(std::max(next, now_));
+    now_ = std::max(next, now_);
+    cnc_.receive(to_cnc_.take_arrived(now_));
+    from_cnc_.send(cnc_.take_transmitted(), now_);
+    if (std::min(to_cnc_.next_arrival_ns(), cnc_.next_event_ns()) > ns) break;
+  }
+  cnc_.advance_to(ns);
+  now_ = ns;
+  write_cnc_events();
+}
+
+void VirtualRig::watch_board() {
+  const bool permitted = board_->run_permitted();
+  if (permitted != permitted_) {
+    permitted_ = permitted;
+    write(now_, "permit", {{"run", permitted}});
+    cnc_.set_hold_input(!permitted);
+    write_cnc_events();
+  }
+  if (board_->module_open() != module_open_) {
+    module_open_ = !module_open_;
+    write(now_, "module_output", {{"open", module_open_}});
+  }
+  if (board_->resets_by_itself() != resets_seen_) {
+    resets_seen_ = board_->resets_by_itself();
+    witness_.was_reset(now_, "watchdog");
+    write_witness(cnc_.g54_position());
+  }
+  if (board_->crashed() && !std::exchange(crash_noted_, true)) {
+    note_fault("extruder", "the firmware executed what no chip would");
+  }
+  const double nozzle_c = board_->nozzle_c();
+  if (std::abs(nozzle_c - noted_c_) >= kTemperatureStep_c) {
+    noted_c_ = nozzle_c;
+    write(now_, "temperature", {{"nozzle_c", rounded(nozzle_c, 0.01)}});
+  }
+}
+
+void VirtualRig::note_fault(std::string_view who, const std::string& what) {
+  write(now_, "fault", {{"who", std::string(who)}, {"what", what}});
+}
+
+void VirtualRig::write(int64_t ns, const char* event, nlohmann::ordered_json fields) {
+  if (trace_) trace_->write({ns, event, std::move(fields)});
+}
+
+void VirtualRig::put_position(nlohmann::ordered_json& fields, const Axes& g54) const {
+  for (int i = 0; i < kAxisCount; ++i) {
+    const char key = static_cast<char>(cnc_.axes().letters[i] - 'A' + 'a');
+    fields[std::string(1, key)] = std::round(g54[i] * 1e6) / 1e6 + 0.0;
+  }
+}
+
+void VirtualRig::write_witness(const Axes& at) {
+  for (TraceRecord& record : witness_.take()) {
+    if (!trace_) continue;
+    put_position(record.fields, at);
+    trace_->write(record);
+  }
+}
+
+void VirtualRig::write_cnc_events() {
+  using Kind = CncEvent::Kind;
+  for (CncEvent& event : cnc_.take_events()) {
+    nlohmann::ordered_json fields = nlohmann::ordered_json::object();
+    const char* name = "";
+    switch (event.kind) {
+      case Kind::kLine:
+        name = "line";
+        fields = {{"n", event.line}, {"text", event.text}};
+        break;
+      case Kind::kMove:
+        name = "move";
+        fields = {{"n", event.line}, {"feed", rounded(event.value * 60, 1e-3)}};
+        put_position(fields, event.g54);
+        break;
+      case Kind::kSpindle:
+        name = "spindle";
+        fields = {{"rpm", event.value}};
+        break;
+      case Kind::kDwell:
+        name = "dwell";
+        fields = {{"seconds", event.value}};
+        break;
+      case Kind::kHold:
+        name = "hold";
+        fields = {{"by", event.text}};
+        break;
+      case Kind::kHeld:
+        name = "held";
+        put_position(fields, event.g54);
+        break;
+      case Kind::kResume:
+        name = "resume";
+        break;
+      case Kind::kHomed:
+        name = "homed";
+        break;
+      case Kind::kAlarm:
+        name = "alarm";
+        fields = {{"code", static_cast<int>(event.value)}};
+        put_position(fields, event.g54);
+        break;
+      case Kind::kReset:
+        name = "reset";
+        fields = {{"who", "cnc"}};
+        break;
+      case Kind::kEnd:
+        name = "end";
+        break;
+      case Kind::kFault:
+        name = "fault";
+        fields = {{"who", "cnc"}, {"what", event.text}};
+        break;
+    }
+    write(event.ns, name, std::move(fields));
+  }
+}
+
+}  // namespace reforge
