@@ -244,7 +244,10 @@ void Extruder::watch(uint32_t now_ms) {
       return fault(Fault::kExtrusionSilence);
     }
     if (!filament_present_ && state_ == State::kExtruding) return fault(Fault::kFilamentOut);
-    if (!heater_.warm(kColdMargin)) return fault(Fault::kRunaway);
+    // An unknown temperature is the heater's to judge, within three of its windows.
+    if (temperature() != wire::kTemperatureUnknown && !heater_.warm(kColdMargin)) {
+      return fault(Fault::kRunaway);
+    }
   }
   if (!alive && (heater_.heating() || module_ == Module::kOpen) && state_ != State::kStandby) {
     fault(Fault::kSilence);
@@ -311,7 +314,11 @@ bool Extruder::take_fault_report(wire::FaultReport& report) {
 
 Reason Extruder::clear_fault(uint32_t now_ms) {
   if (state_ == State::kFault) {
-    if (heater_.check(now_ms) != Fault::kNone) return Reason::kFaultPersists;
+    const bool sensor = fault_ == Fault::kSensorOpen || fault_ == Fault::kSensorShort;
+    if (heater_.check(now_ms) != Fault::kNone ||
+        (sensor && heater_.fitted() && temperature() == wire::kTemperatureUnknown)) {
+      return Reason::kFaultPersists;
+    }
     fault_ = Fault::kNone;
     state_ = module_ == Module::kOpen ? State::kStandby : State::kClosed;
   }

@@ -41,6 +41,9 @@ void Heater::off() {
 
 void Heater::sample(uint16_t reading, uint32_t now_ms) {
   sum_ = static_cast<uint16_t>(sum_ + reading);  // 64 * 1023 < 2^16
+  if (readings_ == 0) least_ = most_ = reading;
+  if (reading < least_) least_ = reading;
+  if (reading > most_) most_ = reading;
   if (++readings_ < kReadingsPerWindow) return;
   const uint16_t code = sum_ / 4;
   sum_ = 0;
@@ -51,12 +54,13 @@ void Heater::sample(uint16_t reading, uint32_t now_ms) {
 
 void Heater::window(uint16_t code, uint32_t now_ms) {
   fault_ = Fault::kNone;
-  if (code > kCodeOpen || code < kCodeShort) {
+  // Readings far apart are a contact coming or going: their mean is no temperature.
+  if (code > kCodeOpen || code < kCodeShort || most_ - least_ > kReadingSpread) {
     temperature_ = wire::kTemperatureUnknown;
     power_ = 0;  // at once; the fault waits for a few windows in a row
     if (bad_windows_ < kSensorBadWindows) ++bad_windows_;
     if (bad_windows_ == kSensorBadWindows && heating()) {
-      fault_ = code > kCodeOpen ? Fault::kSensorOpen : Fault::kSensorShort;
+      fault_ = code > kCodeMax / 2 ? Fault::kSensorOpen : Fault::kSensorShort;
     }
     return;
   }

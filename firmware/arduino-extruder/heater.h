@@ -49,6 +49,7 @@ class Heater {
   // Readings.
   uint16_t sum_ = 0;
   uint8_t readings_ = 0;
+  uint16_t least_ = 0, most_ = 0;
   uint8_t bad_windows_ = 0;
   uint32_t window_ms_ = 0;  // when the last window closed
 

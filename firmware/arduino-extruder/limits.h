@@ -70,6 +70,7 @@ constexpr int16_t kIntegralBand = 100;      // the integral works only this near
 constexpr int16_t kColdMargin = 50;         // moving filament this far below the minimum is a fault
 constexpr uint16_t kSamplingSilence = 500;  // without a reading for this long the converter is dead
 constexpr uint8_t kSensorBadWindows = 3;    // readings in a row (64 ms each) before a sensor fault
+constexpr uint16_t kReadingSpread = 60;     // of 1023, between the readings of one window
 
 // Inputs.
 constexpr uint8_t kDebounce = 10;  // ms an input must stand still

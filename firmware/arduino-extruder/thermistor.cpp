@@ -44,8 +44,8 @@ constexpr SteinhartHart coefficients() {
   return {y1 - (b + l1 * l1 * c) * l1, b, c};
 }
 
-// Hot temperatures crowd at small codes: nodes every 32 below 2048, every 512 above.
-constexpr uint16_t kFine = 32, kFineEnd = 2048, kCoarse = 512;
+// Hot temperatures crowd at small codes: nodes every 32 below 2048, every 256 above.
+constexpr uint16_t kFine = 32, kFineEnd = 2048, kCoarse = 256;
 constexpr uint8_t kFineNodes = kFineEnd / kFine;
 constexpr uint8_t kNodes = kFineNodes + (16384 - kFineEnd) / kCoarse + 1;
 

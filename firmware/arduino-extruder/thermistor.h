@@ -2,8 +2,8 @@
 //
 // Codes are sums of 16 ten-bit readings (0..16368), temperatures 0.1 C. The table is computed by
 // the compiler from Steinhart-Hart through three points of the data sheet (Semitec 104GT-2) and
-// lies in flash; between its nodes the temperature is linear in the code (error below 0.5 C from 0
-// to 300 C).
+// lies in flash; between its nodes the temperature is linear in the code (error below 0.5 C from 30
+// to 300 C, 1.5 C from 10 to 30).
 #pragma once
 
 #include <stdint.h>
