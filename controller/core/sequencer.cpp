@@ -124,7 +124,7 @@ void Sequencer::Impl::link_lost(Link link, std::string_view why) {
 
 void Sequencer::Impl::take(const CncSession::Event& event) {
   std::visit(
-      Overloaded{[&](const CncEvent& e) { take(e); },
+      Overloaded{[&](const CncReport& e) { take(e); },
                  [&](const CncSession::Answered& e) {
                    if (e.question == CncSession::Question::kOffsets && run) {
                      run->offsets_answered = true;
@@ -136,7 +136,7 @@ void Sequencer::Impl::take(const CncSession::Event& event) {
       event);
 }
 
-void Sequencer::Impl::take(const CncEvent& event) {
+void Sequencer::Impl::take(const CncReport& event) {
   std::visit(Overloaded{[&](const CncStatus& e) { take(e); },
                         [&](const cnc::Acknowledged&) { take_acknowledgement(); },
                         [&](const cnc::Rejected& e) { take_rejection(e); },

@@ -17,7 +17,7 @@ struct Sequencer::Impl {
 
   // Events.
   void take(const CncSession::Event& event);
-  void take(const CncEvent& event);
+  void take(const CncReport& event);
   void take(const CncStatus& status);
   void take(const ExtruderLink::Event& event);
   void take_acknowledgement();

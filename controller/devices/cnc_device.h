@@ -97,7 +97,7 @@ struct Resend {
 
 }  // namespace cnc
 
-using CncEvent =
+using CncReport =
     std::variant<cnc::Acknowledged, cnc::Rejected, cnc::Alarm, cnc::Banner, cnc::Identity,
                  cnc::WorkOffset, cnc::Message, cnc::Garbage, cnc::Resend, CncStatus>;
 
@@ -109,7 +109,7 @@ class CncDevice {
   virtual FlowControl flow() const = 0;
 
   // Events in the order of their bytes. Splits of the stream do not matter.
-  virtual std::vector<CncEvent> receive(std::string_view bytes) = 0;
+  virtual std::vector<CncReport> receive(std::string_view bytes) = 0;
   virtual void forget() = 0;  // the port was opened: an unfinished line is not continued
 
   // One line as it goes on the wire, its end included; or why it cannot go.

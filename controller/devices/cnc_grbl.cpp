@@ -154,7 +154,7 @@ std::optional<CncStatus> parse_status(std::string_view text) {
 }
 
 // "[VER:1.1f.20230926:]", "[OPT:VN,35,1024]", "[AXS:5:XYZBC]", "[G54:0.000,...]", "[MSG:...]"
-std::optional<CncEvent> parse_feedback(std::string_view text) {
+std::optional<CncReport> parse_feedback(std::string_view text) {
   if (text.size() < 2 || text.front() != '[' || text.back() != ']') return std::nullopt;
   text = text.substr(1, text.size() - 2);
   if (take_prefix(text, "VER:")) return cnc::Identity{std::string(text), "", 0};
@@ -181,7 +181,7 @@ std::optional<CncEvent> parse_feedback(std::string_view text) {
   return cnc::Message{std::string(text)};
 }
 
-CncEvent parse_line(std::string_view text) {
+CncReport parse_line(std::string_view text) {
   std::string_view rest = text;
   int code = 0;
   if (text == "ok") return cnc::Acknowledged{};
@@ -231,8 +231,8 @@ void CncGrbl::forget() {
   overlong_ = false;
 }
 
-std::vector<CncEvent> CncGrbl::receive(std::string_view bytes) {
-  std::vector<CncEvent> events;
+std::vector<CncReport> CncGrbl::receive(std::string_view bytes) {
+  std::vector<CncReport> events;
   for (const char c : bytes) {
     if (c == '\n' || c == '\r') {
       if (overlong_) {

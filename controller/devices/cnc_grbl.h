@@ -20,7 +20,7 @@ class CncGrbl final : public CncDevice {
 
   CncCapabilities capabilities() const override;
   FlowControl flow() const override;
-  std::vector<CncEvent> receive(std::string_view bytes) override;
+  std::vector<CncReport> receive(std::string_view bytes) override;
   void forget() override;
   Result<std::string> encode(std::string_view words, LineNumber line) const override;
   std::string hold() const override;

@@ -78,11 +78,11 @@ void CncSession::watch_closely(Instant now, bool closely) {
 
 std::vector<CncSession::Event> CncSession::receive(Instant now, std::string_view bytes) {
   std::vector<Event> out;
-  for (const CncEvent& event : device_->receive(bytes)) note(now, event, out);
+  for (const CncReport& event : device_->receive(bytes)) note(now, event, out);
   return out;
 }
 
-void CncSession::note(Instant now, const CncEvent& event, std::vector<Event>& out) {
+void CncSession::note(Instant now, const CncReport& event, std::vector<Event>& out) {
   const auto answered = [&](std::string error) {
     out.push_back(Answered{question_, std::move(error)});
     if (question_ == Question::kUnlock) {

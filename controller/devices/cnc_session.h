@@ -47,7 +47,7 @@ class CncSession {
   struct Silent {
     std::string sentence;
   };
-  using Event = std::variant<CncEvent, Answered, Silent>;
+  using Event = std::variant<CncReport, Answered, Silent>;
 
   CncSession(std::unique_ptr<CncDevice> device, CncTimes times);
 
@@ -69,7 +69,7 @@ class CncSession {
   const CncFacts& facts() const { return facts_; }
 
  private:
-  void note(Instant now, const CncEvent& event, std::vector<Event>& out);
+  void note(Instant now, const CncReport& event, std::vector<Event>& out);
 
   std::unique_ptr<CncDevice> device_;
   CncTimes times_;
