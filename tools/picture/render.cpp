@@ -17,8 +17,8 @@ constexpr double kMargin = 0.06;  // of the panel, left free around the solids
 Eigen::Matrix3d view_axes(const View& view) {
   const double azimuth = view.azimuth_deg * std::numbers::pi / 180;
   const double elevation = view.elevation_deg * std::numbers::pi / 180;
-  const Vec3 towards(std::cos(elevation) * std::cos(azimuth), std::cos(elevation) * std::sin(azimuth),
-                     std::sin(elevation));
+  const Vec3 towards(std::cos(elevation) * std::cos(azimuth),
+                     std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
   const Vec3 right = Vec3::UnitZ().cross(towards).normalized();
   Eigen::Matrix3d axes;
   axes.row(0) = right;
@@ -50,7 +50,9 @@ struct Canvas {
     const Vec3 &a = corners[0], &b = corners[1], &c = corners[2];
     const double twice_area = (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
     if (std::abs(twice_area) < 1e-12) return;
-    const auto first = [](double low, int) { return std::max(0, static_cast<int>(std::ceil(low))); };
+    const auto first = [](double low, int) {
+      return std::max(0, static_cast<int>(std::ceil(low)));
+    };
     const auto last = [](double high, int limit) {
       return std::min(limit - 1, static_cast<int>(std::floor(high)));
     };
@@ -88,9 +90,9 @@ void draw_mesh(Canvas& canvas, const ColouredMesh& item, const Eigen::Matrix3d& 
                &c = item.mesh->vertices[t[2]];
     const Vec3 normal = axes * (b - a).cross(c - a).normalized();
     const double light = brightness(normal);
-    canvas.draw({project(a), project(b), project(c)},
-                {static_cast<float>(item.colour.r * light), static_cast<float>(item.colour.g * light),
-                 static_cast<float>(item.colour.b * light)});
+    canvas.draw({project(a), project(b), project(c)}, {static_cast<float>(item.colour.r * light),
+                                                       static_cast<float>(item.colour.g * light),
+                                                       static_cast<float>(item.colour.b * light)});
   }
 }
 
@@ -101,9 +103,9 @@ void average_into(const Canvas& canvas, Image& image, int left) {
       std::array<float, 3> sum{};
       for (int dy = 0; dy < kSamplesPerSide; ++dy) {
         for (int dx = 0; dx < kSamplesPerSide; ++dx) {
-          const auto& sample = canvas.colour[static_cast<std::size_t>(y * kSamplesPerSide + dy) *
-                                                 canvas.width +
-                                             (x * kSamplesPerSide + dx)];
+          const auto& sample =
+              canvas.colour[static_cast<std::size_t>(y * kSamplesPerSide + dy) * canvas.width +
+                            (x * kSamplesPerSide + dx)];
           for (int k = 0; k < 3; ++k) sum[k] += sample[k];
         }
       }
@@ -120,8 +122,8 @@ void average_into(const Canvas& canvas, Image& image, int left) {
 
 Image render(const std::vector<Panel>& panels, const View& view) {
   const Eigen::Matrix3d axes = view_axes(view);
-  Box3 part;      // common bounding box, part frame
-  Box3 seen;      // the same solids in the view's axes
+  Box3 part;  // common bounding box, part frame
+  Box3 seen;  // the same solids in the view's axes
   for (const Panel& panel : panels) {
     for (const ColouredMesh& item : panel) {
       for (const Vec3& vertex : item.mesh->vertices) {

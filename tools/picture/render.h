@@ -1,7 +1,9 @@
-// Pictures of solids: an orthographic, flat-shaded view with hidden surfaces removed, written as PNG.
+// Pictures of solids: an orthographic, flat-shaded view with hidden surfaces removed, written as
+// PNG.
 //
-// Made for a README and for a person at a screen, not for measuring: the view direction is fixed per
-// picture, light comes over the viewer's left shoulder, and every pixel is the average of 3 × 3 samples.
+// Made for a README and for a person at a screen, not for measuring: the view direction is fixed
+// per picture, light comes over the viewer's left shoulder, and every pixel is the average of 3 × 3
+// samples.
 #pragma once
 
 #include <array>
