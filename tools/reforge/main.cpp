@@ -5,6 +5,7 @@
 
 #include "tools/reforge/outcome.h"
 #include "tools/reforge/picture_command.h"
+#include "tools/reforge/report_command.h"
 
 #if __has_include("tools/reforge/plan_command.h")
 #include "tools/reforge/plan_command.h"
@@ -24,6 +25,7 @@ int main(int argc, char** argv) {
 
   reforge::Outcome outcome;
   reforge::add_picture_command(app, outcome);
+  reforge::add_report_command(app, outcome);
 #if __has_include("tools/reforge/plan_command.h")
   reforge::add_plan_command(app, outcome);
 #endif
