@@ -150,8 +150,8 @@ Result<JobFolder> read_job(const fs::path& folder) {
 Result<std::vector<fs::path>> job_files(const fs::path& folder) {
   std::vector<fs::path> files = {"plan.json", "certificate.json"};
   for (const Bound& bound : kBound) files.emplace_back(bound.file);
-  std::error_code failed;
-  if (fs::is_directory(folder / "blocks", failed)) {
+  std::error_code failed, absent;
+  if (fs::is_directory(folder / "blocks", absent)) {
     std::vector<fs::path> blocks;
     for (const auto& entry : fs::directory_iterator(folder / "blocks", failed)) {
       blocks.push_back(fs::path("blocks") / entry.path().filename());

@@ -18,6 +18,7 @@
 #include <cassert>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <optional>
 
 namespace reforge {
@@ -66,7 +67,11 @@ Status configure(OpenPort& open, const std::string& path, int baud) {
   const auto failed = [&](const std::string& what, const std::string& why) -> Status {
     return Error{Code::kDevice, path + ": " + what + ": " + why + "."};
   };
-  sp_return code = sp_get_port_by_name(path.c_str(), &open.port);
+  // libserialport knows only the kernel's own names; ours are links to them.
+  std::error_code missing;
+  const std::filesystem::path device = std::filesystem::canonical(path, missing);
+  if (missing) return failed("is not there", missing.message());
+  sp_return code = sp_get_port_by_name(device.c_str(), &open.port);
   if (code != SP_OK) return failed("is no serial port", serial_error(code));
   code = sp_open(open.port, SP_MODE_READ_WRITE);
   if (code != SP_OK) return failed("cannot be opened", serial_error(code));
@@ -85,7 +90,8 @@ Status configure(OpenPort& open, const std::string& path, int baud) {
     }
   }
   termios settings{};
-  if (tcgetattr(open.handle, &settings) != 0) return failed("cannot be set up", strerror(errno));
+  if (tcgetattr(open.handle, &settings) != 0)
+    return failed("cannot be set up", std::strerror(errno));
   settings.c_cflag &= ~static_cast<tcflag_t>(HUPCL);
   settings.c_cc[VMIN] = 1;  // libserialport leaves 0, and every read of nothing looks like an end
   settings.c_cc[VTIME] = 0;
