@@ -77,6 +77,13 @@ Result<ReplayOutcome> Replay::run(std::istream& program, const ReplayOptions& op
       complete = false;
       break;
     }
+    if (line.number % kLinesPerReport == 0) {
+      if (options.progress) options.progress(line.number);
+      if (options.should_stop && options.should_stop()) {
+        outcome_.stopped = true;
+        return outcome_;
+      }
+    }
     if (in_header) {
       in_header = line.empty();
       if (in_header) header_.take(line);
@@ -97,13 +104,6 @@ Result<ReplayOutcome> Replay::run(std::istream& program, const ReplayOptions& op
       break;
     }
     interpret(*action, before);
-    if (line.number % kLinesPerReport == 0) {
-      if (options.progress) options.progress(line.number);
-      if (options.should_stop && options.should_stop()) {
-        outcome_.stopped = true;
-        return outcome_;
-      }
-    }
   }
   end(complete);
   return outcome_;

