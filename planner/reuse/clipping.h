@@ -1,0 +1,138 @@
+// Clipping V~_R on sample points: what a local plane takes, and what then cannot be reached.
+//
+// Symbols: S_R sample points of V~_R (voxel centres); a *slot* is a place where one local plane c^L
+// may
+//   cut: at a printing base b_i, above matter that blocks a tool, or anywhere; T_i what the plane
+//   of slot i takes, V_T their union, V_R = S_R without V_T.
+// A local plane takes of V~_R beyond it only what is connected there to its slot's anchors
+//   (REUSE-NOTES.md: cutting locally from the start).
+// Feasible: every base that is not plano-convex is taken as a whole; every watched point is
+// reachable;
+//   every cap made can be milled and printed on.
+// Watched points are those surface samples that V~_R blocks: V_R only loses matter, so all others
+//   stay reachable. For each of them and each direction the samples that block it are known (G_cd):
+//   reachable is "for some direction, blockers and V_R have nothing in common".
+// Units: mm, part frame. Limits: sampled at `pitch`; what is decided here is proved later on the
+// exact
+//   volumes (exact_plan.h).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "planner/geometry/plane.h"
+#include "planner/geometry/voxel_set.h"
+#include "planner/reuse/accessibility.h"
+#include "planner/reuse/printing_base.h"
+
+namespace reforge {
+
+struct Slot {
+  std::vector<std::uint32_t> anchors;  // samples of V~_R
+  std::vector<Vec3> points;            // must all lie beyond the plane
+  std::vector<std::uint32_t> origins;  // facets of the base, if it is one
+  std::vector<Vec3> normals;           // worth trying; unit, z >= 0
+  bool required = false;               // a base that is not plano-convex
+};
+
+// A point on a cut face: milled, then printed on along the plane's normal.
+struct CapPoint {
+  std::uint32_t beneath;  // the sample just below it; without it the cap is not there
+  BitSet nozzle_blockers;
+  std::vector<BitSet> cutter_blockers;  // by direction; one of them must be clear
+};
+
+struct Cut {
+  Plane plane;
+  BitSet taken;                // T_i
+  std::vector<CapPoint> caps;  // made when feasibility is first asked for
+  bool caps_made = false;
+};
+
+// The cuts of all slots (null: the slot is not used) and what follows.
+struct Clipping {
+  std::vector<std::shared_ptr<Cut>> cuts;
+  BitSet taken;          // V_T, loose pieces included
+  std::size_t kept = 0;  // samples in V_R
+  int blocked = 0;       // watched and cap points out of reach
+  int uncovered = 0;     // required bases not taken
+  bool feasible() const { return blocked == 0 && uncovered == 0; }
+};
+
+// A surface sample out of reach while all of V~_R stands.
+struct WatchedPoint {
+  SurfaceSample sample;
+  std::int32_t matter = -1;      // the sample of V~_R it lies on, -1: none
+  bool always_goes = false;      // it lies on a base that is taken as a whole
+  bool cutter = false;           // by the cutter, else by the nozzle
+  std::vector<BitSet> blockers;  // by direction, the least blocked first
+};
+
+struct ClippingOptions {
+  double clearance_mm = 0.3;         // bodies are widened by this while searching
+  double foot_kept = 0.5;            // share of the foot's samples that must stay
+  std::size_t directions_kept = 32;  // per watched point
+};
+
+class ClippingModel {
+ public:
+  // `fixture` (may be empty) is an obstacle that never goes. `directions`: where tools may come
+  // from.
+  ClippingModel(const TriangleMesh& reused, double pitch_mm, const ToolBodies& tools,
+                const TriangleMesh& fixture, std::vector<Vec3> directions,
+                const ClippingOptions& options);
+
+  const VoxelSet& samples() const { return samples_; }
+  const std::vector<Slot>& slots() const { return slots_; }
+  const std::vector<WatchedPoint>& watched() const { return watched_; }
+
+  void add_base(const BaseComponent& base, const std::vector<Vec3>& normals);
+  // A slot for whatever blocks a watched point along its least blocked direction.
+  void add_blocker_slots(std::size_t most);
+  // A slot from which everything above a height can be taken.
+  void add_top_slot();
+  void watch(const std::vector<SurfaceSample>& samples, const ReachTable& reach,
+             bool assume_blocked);
+
+  // The offset above which the slot's plane would leave some of its points behind.
+  double highest_offset(const Slot& slot, const Vec3& normal) const;
+  // Null if the plane takes nothing, or too much of the foot.
+  std::shared_ptr<Cut> cut(std::size_t slot, const Plane& plane) const;
+  // Whether a cut takes all of a slot's points.
+  bool covers(const Cut& cut, const Slot& slot) const;
+
+  // V_T, kept and uncovered; blocked is left at 0. If fewer than `needed` samples could be kept
+  // even without counting loose pieces, it stops there with that number.
+  Clipping combine(std::vector<std::shared_ptr<Cut>> cuts, double needed = 0) const;
+  void count_blocked(Clipping& clipping) const;
+
+ private:
+  void make_caps(Cut& cut) const;
+  // The samples in height order along one direction, in its frame.
+  struct Projection {
+    Frame frame;
+    std::vector<float> u, v, h;
+    std::vector<std::uint32_t> number;
+  };
+  Projection project(const Vec3& direction, const BitSet& without) const;
+  BitSet blockers(const std::vector<ToolSection>& sections, const Vec3& tip,
+                  const Projection& along) const;
+  bool fixture_blocks(std::span<const ToolSection> sections, const Vec3& tip,
+                      const Vec3& direction) const;
+  std::int32_t sample_near(const Vec3& point) const;
+  bool reached(const std::vector<BitSet>& alternatives, const BitSet& taken) const;
+
+  VoxelSet samples_;
+  BitSet all_, foot_;
+  std::vector<std::uint32_t> foot_list_;
+  ToolBodies tools_;  // widened
+  std::vector<Vec3> fixture_points_;
+  std::vector<Vec3> directions_;
+  std::vector<Projection> projections_;  // by direction
+  ClippingOptions options_;
+  std::vector<Slot> slots_;
+  std::vector<WatchedPoint> watched_;
+};
+
+}  // namespace reforge

@@ -1,0 +1,342 @@
+#include "planner/reuse/coincidence.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include "planner/geometry/triangle_tree.h"
+
+namespace reforge {
+namespace {
+
+constexpr double kFacing = 0.9;         // cosine between normals of one surface, 26 degrees
+constexpr double kFacingNear = 0.995;   // the same for contacts seen only close to a corner
+constexpr double kClearance = 1. / 20;  // of the tolerance
+constexpr double kLongest = 6;          // greatest move at a sharp edge, in hairs
+
+enum class Contact : std::uint8_t { kNone, kSame, kOpposite };
+
+struct Touch {
+  Contact contact = Contact::kNone;
+  double distance = 0;
+};
+
+const Vec3& corner(const TriangleMesh& mesh, std::size_t t, int k) {
+  return mesh.vertices[mesh.triangles[t][k]];
+}
+Vec3 centre(const TriangleMesh& mesh, std::size_t t) {
+  return (corner(mesh, t, 0) + corner(mesh, t, 1) + corner(mesh, t, 2)) / 3;
+}
+double area_of(const TriangleMesh& mesh, std::size_t t) {
+  return (corner(mesh, t, 1) - corner(mesh, t, 0))
+             .cross(corner(mesh, t, 2) - corner(mesh, t, 0))
+             .norm() /
+         2;
+}
+
+// Whether another surface lies within reach of a point that has this normal.
+Touch touch(const TriangleTree& other, const Vec3& point, const Vec3& normal, double reach,
+            double cosine, std::uint32_t* triangle = nullptr) {
+  for (const auto contact : {Contact::kSame, Contact::kOpposite}) {
+    const Vec3 direction = contact == Contact::kSame ? normal : Vec3(-normal);
+    if (const auto found = other.closest_facing(point, reach, {direction, cosine})) {
+      if (triangle) *triangle = found->triangle;
+      return {contact, found->distance};
+    }
+  }
+  return {};
+}
+
+// Whether the surface around a corner of a triangle, on that triangle's side, lies on the other.
+Touch corner_touch(const TriangleTree& other, const TriangleTree& self, std::uint32_t t, int k,
+                   double tolerance) {
+  const Vec3& normal = self.normal(t);
+  const Vec3& tip = corner(self.mesh(), t, k);
+  if (normal.isZero()) return {};
+  const Vec3 inwards = centre(self.mesh(), t) - tip;
+  const double length = inwards.norm();
+  const auto both = [&](double into, double reach, double cosine) {
+    const Touch at_tip = touch(other, tip, normal, reach, cosine);
+    if (at_tip.contact == Contact::kNone) return Touch{};
+    const Touch inside =
+        touch(other, tip + std::min(0.5, into / length) * inwards, normal, reach, cosine);
+    if (inside.contact != at_tip.contact) return Touch{};
+    return Touch{at_tip.contact, std::max(at_tip.distance, inside.distance)};
+  };
+  const Touch far = both(5 * tolerance, tolerance, kFacing);
+  return far.contact != Contact::kNone ? far : both(tolerance, tolerance / 10, kFacingNear);
+}
+
+// For one mesh: contact of each corner (3 * triangle + k), and how far the other surface is at
+// most.
+struct Contacts {
+  std::vector<Touch> corners;
+  std::vector<double> distance;  // by triangle
+};
+
+void find_contacts(Contacts& contacts, const TriangleTree& self, const TriangleTree& other,
+                   double tolerance) {
+  const TriangleMesh& mesh = self.mesh();
+  std::vector<bool> near(mesh.vertices.size());
+  for (std::size_t v = 0; v < near.size(); ++v) {
+    near[v] = other.closest(mesh.vertices[v], tolerance).has_value();
+  }
+  contacts.corners.assign(3 * mesh.triangles.size(), {});
+  contacts.distance.assign(mesh.triangles.size(), 0);
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    double& distance = contacts.distance[t];
+    bool any = false;
+    for (int k = 0; k < 3; ++k) {
+      if (!near[mesh.triangles[t][k]]) continue;
+      const Touch found = corner_touch(other, self, t, k, tolerance);
+      contacts.corners[3 * t + static_cast<std::uint32_t>(k)] = found;
+      distance = std::max(distance, found.distance);
+      any = any || found.contact != Contact::kNone;
+    }
+    if (!any) continue;
+    for (const Vec3& at : {centre(mesh, t), Vec3((corner(mesh, t, 0) + corner(mesh, t, 1)) / 2),
+                           Vec3((corner(mesh, t, 1) + corner(mesh, t, 2)) / 2),
+                           Vec3((corner(mesh, t, 2) + corner(mesh, t, 0)) / 2)}) {
+      distance = std::max(distance, touch(other, at, self.normal(t), tolerance, kFacing).distance);
+    }
+  }
+}
+
+// Points of the initial surface that lie on a triangle of the target which is in contact only in
+// part.
+using PointsIn = std::map<std::uint32_t, std::vector<Vec3>>;
+
+bool in_contact_throughout(const Contacts& contacts, std::uint32_t t) {
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    if (contacts.corners[3 * t + k].contact == Contact::kNone) return false;
+  }
+  return true;
+}
+
+// Widens the target's distances by what the initial surface sees, and collects the points to
+// insert.
+PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
+                          const TriangleTree& initial, double tolerance) {
+  PointsIn points;
+  const TriangleMesh& mesh = initial.mesh();
+  const auto note = [&](const Vec3& at, const Vec3& normal, bool insert) {
+    std::uint32_t t = 0;
+    const Touch found = touch(target, at, normal, tolerance, kFacing, &t);
+    if (found.contact == Contact::kNone) return;
+    contacts.distance[t] = std::max(contacts.distance[t], found.distance);
+    if (insert && !in_contact_throughout(contacts, t)) points[t].push_back(at);
+  };
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    const Vec3& normal = initial.normal(t);
+    if (normal.isZero()) continue;
+    note(centre(mesh, t), normal, false);
+    for (int k = 0; k < 3; ++k) {
+      const Vec3 &a = corner(mesh, t, k), &b = corner(mesh, t, (k + 1) % 3);
+      if (!target.closest(a, tolerance)) continue;
+      note((a + b) / 2, normal, false);
+      note(a, normal, corner_touch(target, initial, t, k, tolerance).contact != Contact::kNone);
+    }
+  }
+  return points;
+}
+
+// Puts points into a triangle that they lie on, dividing it. A point nearer than `margin` to a
+// corner or an edge of the triangle is left out: the surface may not be opened there.
+void insert_points(TriangleMesh& mesh, std::uint32_t t, const std::vector<Vec3>& points,
+                   double margin) {
+  std::vector<std::uint32_t> parts{t};
+  const auto distance_to_edge = [&](std::uint32_t part, int k, const Vec3& p) {
+    const Vec3 &a = corner(mesh, part, k), &b = corner(mesh, part, (k + 1) % 3);
+    const Vec3& c = corner(mesh, part, (k + 2) % 3);
+    const Vec3 normal = (b - a).cross(c - a);
+    return (b - a).cross(p - a).dot(normal) / (normal.norm() * (b - a).norm());
+  };
+  for (const Vec3& point : points) {
+    for (const auto part : parts) {
+      const double inside =
+          std::min({distance_to_edge(part, 0, point), distance_to_edge(part, 1, point),
+                    distance_to_edge(part, 2, point)});
+      if (!(inside > margin)) continue;
+      const Vec3 a = corner(mesh, part, 0), b = corner(mesh, part, 1), c = corner(mesh, part, 2);
+      const Vec3 normal = (b - a).cross(c - a).normalized();
+      const auto [i, j, k] = mesh.triangles[part];
+      const auto created = static_cast<std::uint32_t>(mesh.vertices.size());
+      mesh.vertices.push_back(point - (point - a).dot(normal) * normal);
+      mesh.triangles[part] = {i, j, created};
+      for (const auto& child : {std::array{j, k, created}, std::array{k, i, created}}) {
+        parts.push_back(static_cast<std::uint32_t>(mesh.triangles.size()));
+        mesh.triangles.push_back(child);
+      }
+      break;
+    }
+  }
+}
+
+// At a vertex: move at least `hair` along `normal`, or (a slide) not at all along it.
+struct Wish {
+  Vec3 normal;
+  double hair;
+  bool slide;
+};
+
+// The shortest move that fulfils the wishes (Hildreth's method), nothing when they contradict.
+std::optional<Vec3> shortest_move(const std::vector<Wish>& wishes, bool with_slides) {
+  double longest = 0;
+  for (const Wish& wish : wishes) longest = std::max(longest, wish.slide ? 0 : wish.hair);
+  std::vector<double> weight(wishes.size(), 0);
+  Vec3 move = Vec3::Zero();
+  for (int sweep = 0; sweep < 200; ++sweep) {
+    double change = 0;
+    for (std::size_t i = 0; i < wishes.size(); ++i) {
+      const Wish& wish = wishes[i];
+      if (wish.slide && !with_slides) continue;
+      double step = (wish.slide ? 0 : wish.hair) - wish.normal.dot(move);
+      if (!wish.slide) step = std::max(step, -weight[i]);
+      weight[i] += step;
+      move += step * wish.normal;
+      change = std::max(change, std::abs(step));
+    }
+    if (change < 1e-3 * longest) break;
+    if (move.norm() > 2 * kLongest * longest) return std::nullopt;
+  }
+  for (const Wish& wish : wishes) {
+    const double along = wish.normal.dot(move);
+    if (wish.slide ? with_slides && std::abs(along) > 0.1 * longest : along < 0.9 * wish.hair) {
+      return std::nullopt;
+    }
+  }
+  if (move.norm() > kLongest * longest) return std::nullopt;
+  return move;
+}
+
+Vec3 move_for(const std::vector<Wish>& wishes) {
+  double longest = 0;
+  Vec3 mean = Vec3::Zero();
+  for (const Wish& wish : wishes) {
+    if (wish.slide) continue;
+    longest = std::max(longest, std::abs(wish.hair));
+    mean += wish.hair * wish.normal;
+  }
+  if (longest == 0) return Vec3::Zero();
+  if (const auto move = shortest_move(wishes, true)) return *move;
+  if (const auto move = shortest_move(wishes, false)) return *move;
+  return mean.isZero() ? mean : Vec3(2 * longest * mean.normalized());
+}
+
+// Triangles around each vertex, as corners (3 * triangle + k).
+std::vector<std::vector<std::uint32_t>> corners_at(const TriangleMesh& mesh) {
+  std::vector<std::vector<std::uint32_t>> at(mesh.vertices.size());
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (std::uint32_t k = 0; k < 3; ++k) at[mesh.triangles[t][k]].push_back(3 * t + k);
+  }
+  return at;
+}
+
+struct Moves {
+  std::vector<Vec3> outward, inward;  // by vertex
+};
+
+Moves moves_for(const TriangleTree& tree, const Contacts& contacts, double tolerance) {
+  const TriangleMesh& mesh = tree.mesh();
+  Moves moves;
+  moves.outward.assign(mesh.vertices.size(), Vec3::Zero());
+  moves.inward = moves.outward;
+  const auto around = corners_at(mesh);
+  std::vector<std::uint32_t> without_opinion;
+  std::vector<Wish> out, in;
+  for (std::uint32_t v = 0; v < around.size(); ++v) {
+    out.clear();
+    in.clear();
+    bool any = false, reliable = false;
+    for (const auto c : around[v]) {
+      const Vec3& normal = tree.normal(c / 3);
+      if (normal.isZero()) continue;
+      reliable = true;
+      const Contact contact = contacts.corners[c].contact;
+      const double hair = kClearance * tolerance + 1.25 * contacts.distance[c / 3];
+      any = any || contact != Contact::kNone;
+      switch (contact) {
+        case Contact::kNone:
+          out.push_back({normal, 0, true});
+          in.push_back({normal, 0, true});
+          break;
+        case Contact::kSame:
+          out.push_back({normal, hair, false});
+          in.push_back({-normal, hair, false});
+          break;
+        case Contact::kOpposite:
+          out.push_back({-normal, hair, false});
+          in.push_back({-normal, hair, false});
+          break;
+      }
+    }
+    if (!reliable) without_opinion.push_back(v);
+    if (!any) continue;
+    moves.outward[v] = move_for(out);
+    moves.inward[v] = move_for(in);
+  }
+  // A vertex with needles only around it goes with its neighbours.
+  for (const auto v : without_opinion) {
+    Vec3 outward = Vec3::Zero(), inward = Vec3::Zero();
+    int count = 0;
+    for (const auto c : around[v]) {
+      for (const auto w : mesh.triangles[c / 3]) {
+        if (moves.outward[w].isZero() && moves.inward[w].isZero()) continue;
+        outward += moves.outward[w];
+        inward += moves.inward[w];
+        ++count;
+      }
+    }
+    if (count == 0) continue;
+    moves.outward[v] = outward / count;
+    moves.inward[v] = inward / count;
+  }
+  return moves;
+}
+
+}  // namespace
+
+Separation separate(const TriangleMesh& initial, const TriangleMesh& target, double tolerance_mm) {
+  assert(tolerance_mm > 0);
+  Separation result;
+  result.target = target;
+  const TriangleTree initial_tree(initial);
+  Contacts contacts;
+  {
+    const TriangleTree tree(target);
+    find_contacts(contacts, tree, initial_tree, tolerance_mm);
+    const PointsIn points = see_from_initial(contacts, tree, initial_tree, tolerance_mm);
+    for (const auto& [t, in_triangle] : points) {
+      insert_points(result.target, t, in_triangle, tolerance_mm);
+    }
+  }
+  const TriangleTree tree(result.target);
+  if (result.target.triangles.size() > target.triangles.size()) {
+    find_contacts(contacts, tree, initial_tree, tolerance_mm);
+    see_from_initial(contacts, tree, initial_tree, tolerance_mm);
+  }
+  const Moves moves = moves_for(tree, contacts, tolerance_mm);
+  result.grown = result.shrunk = result.target;
+  for (std::size_t v = 0; v < result.target.vertices.size(); ++v) {
+    result.grown.vertices[v] += moves.outward[v];
+    result.shrunk.vertices[v] += moves.inward[v];
+  }
+  result.moved.resize(result.target.triangles.size());
+  for (std::size_t t = 0; t < result.moved.size(); ++t) {
+    int in_contact = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto v = result.target.triangles[t][k];
+      if (!moves.outward[v].isZero() || !moves.inward[v].isZero()) result.moved[t] = true;
+      in_contact += contacts.corners[3 * t + k].contact != Contact::kNone;
+    }
+    if (in_contact == 0) continue;
+    result.coincident_area_mm2 += in_contact / 3. * area_of(result.target, t);
+    result.greatest_distance_mm = std::max(result.greatest_distance_mm, contacts.distance[t]);
+  }
+  return result;
+}
+
+}  // namespace reforge

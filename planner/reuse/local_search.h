@@ -1,0 +1,32 @@
+// Search over the local planes' poses for the most reused volume that is feasible (paper.md 4.2).
+//
+// Annealing on sampled volumes: each step moves one slot's plane (another normal, a small tilt,
+// another
+//   depth), uses or frees a slot, and is judged by kept samples minus a penalty for every point out
+//   of reach. Volume is tested first, reach only if the step could be accepted. Several chains with
+//   their own seeds run on two threads; results do not depend on the number of threads.
+// Source: REUSE-NOTES.md for what serves; the published Monte-Carlo tree search is not offered yet.
+// Limits: one plane a slot; the result is a local optimum.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "planner/reuse/clipping.h"
+
+namespace reforge {
+
+struct SearchOptions {
+  std::uint64_t seed = 1;
+  int chains = 4;
+  int steps = 3000;                   // a chain
+  std::function<bool()> should_stop;  // may be empty; asked often, from two threads
+};
+
+// Feasible clippings found, the best first, at most `most`; begins from `start`, which may be
+// infeasible.
+std::vector<Clipping> local_search(const ClippingModel& model, const Clipping& start,
+                                   const SearchOptions& options, std::size_t most);
+
+}  // namespace reforge

@@ -1,0 +1,43 @@
+// The volumes of a placed pair as one labelled complex (cell_complex.h).
+//
+// Symbols: M initial, M* target; V~_R = M and M*, V~_S = M without V~_R, V~_A = M* without V~_R;
+// V_T what is
+//   removed and then added again. As regions: V_R kReused, V~_S kRemoved, V~_A kAdded, V_T
+//   kThenAdded; so V_S = kRemoved + kThenAdded and V_A = kAdded + kThenAdded.
+// Units: mm, part frame. Invariants: every region is closed; the volumes balance to rounding, but
+// for
+//   `dropped_mm3`.
+// Tolerance: pieces of V~_S and V~_A thinner than 1e-3 mm on average are no matter a tool could cut
+// or
+//   lay; they go to the volume they mostly border on and are counted as dropped.
+// Limits: thin skins that hang on a thicker piece stay; near-coincident surfaces are not snapped.
+#pragma once
+
+#include <cstdint>
+
+#include "planner/geometry/cell_complex.h"
+#include "protocols/result.h"
+
+namespace reforge {
+
+enum Region : std::uint8_t { kOutside = 0, kReused = 1, kRemoved = 2, kAdded = 3, kThenAdded = 4 };
+
+constexpr unsigned in(Region region) {
+  return 1u << region;
+}
+
+struct Volumes {
+  CellComplex complex;
+  double dropped_mm3 = 0;
+};
+
+// V~_R, V~_S, V~_A of two placed solids. Bit-identical solids need no boolean: all is reused.
+Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target);
+
+// Moves pieces of V_R that do not stand on z = 0 to V_T; returns their volume.
+double set_loose_pieces_free(CellComplex& complex);
+
+// The area on which V_R stands, mm^2.
+double foot_area(const CellComplex& complex);
+
+}  // namespace reforge
