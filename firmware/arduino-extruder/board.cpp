@@ -30,12 +30,14 @@ constexpr uint8_t kRetract = 1 << PC3;
 constexpr uint8_t kRunning = 1 << PC4;
 
 constexpr uint16_t kFirstStepTicks = 20;  // 10 us for the driver to see DIR and ENABLE
-constexpr uint16_t kTicksPerUs = 2;
+constexpr uint8_t kServoTickUs = 4;
+constexpr uint8_t kServoTicksMin = 4;  // a match must lie ahead when it is set
 
 reforge::firmware::Feeder* g_feeder;
 reforge::firmware::Ring<128> g_received;
 reforge::firmware::Ring<128> g_transmit;
 volatile uint8_t g_milliseconds;
+volatile uint8_t g_servo_turns;  // of timer 0 still to come in this pulse
 uint16_t g_servo_pulse_us;
 uint8_t g_taken_milliseconds;
 
@@ -69,26 +71,60 @@ ISR(TIMER1_COMPA_vect) {
   PORTB &= static_cast<uint8_t>(~kStep);
 }
 
-ISR(TIMER1_COMPB_vect) {
-  PORTB &= static_cast<uint8_t>(~kServo);
-  TIMSK1 &= static_cast<uint8_t>(~(1 << OCIE1B));
+// The others let a step through: it may come 4 us late at most, and moving a byte takes longer.
+// ISR_NOBLOCK is enough where taking the interrupt clears its flag.
+ISR(TIMER0_COMPA_vect, ISR_NOBLOCK) {
+  if (g_servo_turns > 0) {
+    g_servo_turns = static_cast<uint8_t>(g_servo_turns - 1);
+  } else {
+    PORTB &= static_cast<uint8_t>(~kServo);
+    TIMSK0 = 0;
+  }
 }
 
-ISR(TIMER2_COMPA_vect) {
+ISR(TIMER2_COMPA_vect, ISR_NOBLOCK) {
   g_milliseconds = static_cast<uint8_t>(g_milliseconds + 1);
 }
 
-ISR(USART_RX_vect) {
-  g_received.push(UDR0);
+// The serial port's flags stay until it is served, so its interrupt is masked before others are let
+// in. The handler then goes on as an interrupt routine of its own and unmasks at its end.
+#define REFORGE_MASK_AND_GO_ON(bit, handler)            \
+  __asm__ volatile(                                     \
+      "push r24\n"                                      \
+      "in r24, __SREG__\n"                              \
+      "push r24\n"                                      \
+      "lds r24, %0\n"                                   \
+      "andi r24, %1\n"                                  \
+      "sts %0, r24\n"                                   \
+      "pop r24\n"                                       \
+      "out __SREG__, r24\n"                             \
+      "pop r24\n"                                       \
+      "sei\n"                                           \
+      "jmp " handler "\n" ::"i"(_SFR_MEM_ADDR(UCSR0B)), \
+      "i"(0xFF & ~(1 << (bit))))
+
+extern "C" void __vector_received() __attribute__((signal, used, externally_visible));
+extern "C" void __vector_sent() __attribute__((signal, used, externally_visible));
+
+ISR(USART_RX_vect, ISR_NAKED) {
+  REFORGE_MASK_AND_GO_ON(RXCIE0, "__vector_received");
+}
+ISR(USART_UDRE_vect, ISR_NAKED) {
+  REFORGE_MASK_AND_GO_ON(UDRIE0, "__vector_sent");
 }
 
-ISR(USART_UDRE_vect) {
+void __vector_received() {
+  g_received.push(UDR0);
+  cli();
+  UCSR0B |= 1 << RXCIE0;
+}
+
+void __vector_sent() {
   uint8_t byte;
-  if (g_transmit.pop(byte)) {
-    UDR0 = byte;
-  } else {
-    UCSR0B &= static_cast<uint8_t>(~(1 << UDRIE0));
-  }
+  if (!g_transmit.pop(byte)) return;  // stays masked until there is more
+  UDR0 = byte;
+  cli();
+  UCSR0B |= 1 << UDRIE0;
 }
 
 namespace reforge {
@@ -101,13 +137,16 @@ void begin(Feeder& feeder) {
   PORTC = kOpen | kExtrude | kRetract | kRunning;
 
   // 115200 baud at double speed: 16 MHz / 8 / 17 = 117647, 2.1 % off as on every UNO.
-  UBRR0 = 16;
+  // The divider comes last: simavr works out the baud rate when it is written.
   UCSR0A = 1 << U2X0;
   UCSR0C = (1 << UCSZ01) | (1 << UCSZ00);
+  UBRR0 = 16;
   UCSR0B = (1 << RXEN0) | (1 << TXEN0) | (1 << RXCIE0);
 
   TCCR1A = 0;
   TCCR1B = 1 << CS11;  // 2 MHz, free running
+
+  TCCR0B = (1 << CS01) | (1 << CS00);  // 250 kHz, free running
 
   TCCR2A = 1 << WGM21;  // 16 MHz / 64 / 250 = 1 kHz
   TCCR2B = 1 << CS22;
@@ -174,14 +213,18 @@ void start_steps(bool reversed) {
   TIMSK1 |= 1 << OCIE1A;
 }
 
+// Timer 1 would have room for the pulse, but simavr can lose a match of one of its compare
+// registers while the other is written; timer 0 counts whole turns before the last match.
 void start_servo_pulse() {
-  const uint16_t ticks = g_servo_pulse_us * kTicksPerUs;
+  uint16_t ticks = g_servo_pulse_us / kServoTickUs;
   if (ticks == 0) return;
+  if (static_cast<uint8_t>(ticks) < kServoTicksMin) ticks += kServoTicksMin;
   Critical guard;
   PORTB |= kServo;
-  OCR1B = TCNT1 + ticks;
-  TIFR1 = 1 << OCF1B;
-  TIMSK1 |= 1 << OCIE1B;
+  g_servo_turns = static_cast<uint8_t>(ticks >> 8);
+  OCR0A = static_cast<uint8_t>(TCNT0 + ticks);
+  TIFR0 = 1 << OCF0A;
+  TIMSK0 = 1 << OCIE0A;
 }
 
 bool receive(uint8_t& byte) {

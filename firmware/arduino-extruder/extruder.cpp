@@ -89,8 +89,19 @@ Reason Extruder::open(int32_t target, uint32_t now_ms) {
                   ? now_ms - static_cast<uint32_t>(settings_.get(Setting::kModuleTravel))
                   : now_ms;
   module_ = Module::kOpen;
+  prepare_motion();
   enter(State::kOpening, true);
   return Reason::kNone;
+}
+
+// What the settings say about motion, once per M70: they cannot change while the module is open.
+void Extruder::prepare_motion() {
+  // Settings::steps takes 200,000 at most, the acceleration may be ten times that.
+  const int32_t tenth = settings_.steps(settings_.get(Setting::kAcceleration) / 10);
+  feeder_.set_acceleration(static_cast<uint32_t>(tenth) * 10);
+  retract_rate_q8_ = settings_.rate_q8(settings_.get(Setting::kRetractSpeed));
+  if (retract_rate_q8_ > kStepRateMax * 256) retract_rate_q8_ = kStepRateMax * 256;
+  if (retract_rate_q8_ < kRateQ8Min) retract_rate_q8_ = kRateQ8Min;
 }
 
 Reason Extruder::close(uint32_t now_ms) {
@@ -119,10 +130,10 @@ Reason Extruder::extrude(int32_t um, int32_t um_per_s) {
   if (refusal != Reason::kNone) return refusal;
 
   speed_ = um_per_s;
-  length_steps_ = settings_.steps(um);
-  feeder_.set_acceleration(acceleration());
+  rate_q8_ = rate_q8;
+  length_steps_ = um > 0 ? settings_.steps(um) : 0;
   if (retracted() > 0) {
-    feeder_.move(retracted(), retract_rate());
+    feeder_.move(retracted(), retract_rate_q8_);
     enter(State::kRestoring, true);
   } else {
     begin_extruding();
@@ -131,12 +142,11 @@ Reason Extruder::extrude(int32_t um, int32_t um_per_s) {
 }
 
 void Extruder::begin_extruding() {
-  const uint32_t rate_q8 = settings_.rate_q8(speed_);
   if (length_steps_ > 0) {
-    feeder_.move(length_steps_, rate_q8);
+    feeder_.move(length_steps_, rate_q8_);
     enter(State::kExtruding, true);
   } else {
-    feeder_.run(rate_q8);
+    feeder_.run(rate_q8_);
     enter(State::kExtruding, false);
   }
 }
@@ -147,10 +157,9 @@ Reason Extruder::retract(int32_t um) {
   const Reason refusal = filament_ready();
   if (refusal != Reason::kNone) return refusal;
 
-  feeder_.set_acceleration(acceleration());
   const int32_t further = settings_.steps(um) - retracted();
   if (further > 0) {
-    feeder_.move(-further, retract_rate());
+    feeder_.move(-further, retract_rate_q8_);
     enter(State::kRetracting, true);
   } else {
     enter(State::kRetracted, false);
@@ -171,17 +180,6 @@ void Extruder::stop() {
   } else {
     finish(Reason::kNone);
   }
-}
-
-uint32_t Extruder::acceleration() const {
-  // Settings::steps takes 200,000 at most, the acceleration may be ten times that.
-  return static_cast<uint32_t>(settings_.steps(settings_.get(Setting::kAcceleration) / 10)) * 10;
-}
-
-uint32_t Extruder::retract_rate() const {
-  const uint32_t rate_q8 = settings_.rate_q8(settings_.get(Setting::kRetractSpeed));
-  if (rate_q8 > kStepRateMax * 256) return kStepRateMax * 256;
-  return rate_q8 < kRateQ8Min ? kRateQ8Min : rate_q8;
 }
 
 bool Extruder::filament_moves() const {

@@ -66,8 +66,7 @@ class Extruder {
   void stop();
   void begin_extruding();
   wire::Reason filament_ready() const;
-  uint32_t acceleration() const;
-  uint32_t retract_rate() const;
+  void prepare_motion();
   bool filament_moves() const;
   void enter(wire::State state, bool order_under_way);
   void finish(wire::Reason reason);
@@ -85,10 +84,12 @@ class Extruder {
   bool finished_ = false;
   wire::Reason finished_reason_ = wire::Reason::kNone;
 
-  uint32_t since_ms_ = 0;     // opening or closing began
-  bool retreating_ = false;   // closing: the motor is at rest and the module on its way
-  int32_t front_ = 0;         // foremost position of the filament: where it was before retraction
-  int32_t speed_ = 0;         // um/s of M72
+  uint32_t since_ms_ = 0;    // opening or closing began
+  bool retreating_ = false;  // closing: the motor is at rest and the module on its way
+  int32_t front_ = 0;        // foremost position of the filament: where it was before retraction
+  int32_t speed_ = 0;        // um/s of M72
+  uint32_t rate_q8_ = 0;     // the same in steps
+  uint32_t retract_rate_q8_ = 0;
   int32_t length_steps_ = 0;  // of M72 with a length; 0: until M73
   bool filament_present_ = true;
 

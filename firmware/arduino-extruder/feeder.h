@@ -53,7 +53,7 @@ class Feeder {
   }
 
  private:
-  static constexpr uint16_t kPart = 16000;  // longer waits are cut into parts of 8 ms
+  static constexpr uint16_t kPart = 1000;  // longer waits are cut into parts of 0.5 ms
 
   void begin(uint32_t rate_q8);
   void set_rate(uint32_t rate_q8);

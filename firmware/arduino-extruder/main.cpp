@@ -49,6 +49,9 @@ void apply_outputs(bool heater_slot) {
   board::apply({heater_slot && g_heater.heating(), state != wire::State::kClosed && !fault,
                 g_extruder.module() == Module::kOpen, servo_pulse(), g_extruder.run_permitted(),
                 g_relays.ready(), fault});
+}
+
+void start_motor() {
   if (g_feeder.take_start()) {
     board::start_steps(g_settings.get(wire::Setting::kReverseDirection) != 0);
   }
@@ -66,7 +69,11 @@ int main() {
   bool heater_slot = false;
   for (;;) {
     uint8_t byte;
-    while (board::receive(byte)) g_link.receive(byte, now_ms);
+    while (board::receive(byte)) {
+      g_link.receive(byte, now_ms);
+      start_motor();
+      board::start_transmit();
+    }
 
     // A loop that took longer than a millisecond makes up for the missed ones.
     for (uint8_t elapsed = board::elapsed_ms(); elapsed > 0; --elapsed) {
@@ -93,6 +100,7 @@ int main() {
     }
 
     apply_outputs(heater_slot);
+    start_motor();
     board::start_transmit();
     duties |= kDutyOutputs;
     if (duties == kAllDuties) {

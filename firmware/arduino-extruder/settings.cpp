@@ -8,6 +8,13 @@ namespace firmware {
 void Settings::restore() {
   for (uint8_t i = 0; i < wire::kSettingCount; ++i)
     values_[i] = flash_i32(&kSettingLimits[i].preset);
+  split_steps_per_metre();
+}
+
+void Settings::split_steps_per_metre() {
+  const int32_t steps_per_metre = get(wire::Setting::kStepsPerMetre);
+  steps_per_mm_ = static_cast<uint16_t>(steps_per_metre / 1000);
+  millisteps_per_mm_ = static_cast<uint16_t>(steps_per_metre % 1000);
 }
 
 wire::Reason Settings::set(wire::Setting id, int32_t value) {
@@ -17,6 +24,7 @@ wire::Reason Settings::set(wire::Setting id, int32_t value) {
     return wire::Reason::kBadArgument;
   }
   values_[i] = value;
+  split_steps_per_metre();
   return wire::Reason::kNone;
 }
 
@@ -34,9 +42,9 @@ uint16_t Settings::hash() const {
 // Thousandths of a microstep in `um` of filament, cut off. 32 bits are enough within the bounds
 // (200 mm, 5,000 steps/mm), and 64-bit arithmetic would cost a twentieth of the flash.
 uint32_t Settings::millisteps(int32_t um) const {
-  const uint32_t steps_per_metre = static_cast<uint32_t>(get(wire::Setting::kStepsPerMetre));
   const uint32_t length = static_cast<uint32_t>(um);
-  return length * (steps_per_metre / 1000) + length * (steps_per_metre % 1000) / 1000;
+  const uint32_t whole = length * steps_per_mm_;
+  return millisteps_per_mm_ == 0 ? whole : whole + length * millisteps_per_mm_ / 1000;
 }
 
 uint32_t Settings::rate_q8(int32_t um_per_s) const {

@@ -54,6 +54,7 @@ class Bench {
   std::deque<wire::Frame> frames_;
   std::string text_;
   uint8_t order_ = 0;
+  uint8_t question_ = 100;
   bool silent_ = true;
   int64_t next_beat_ms_ = 0;
 };

@@ -105,10 +105,16 @@ struct AvrBoard::Chip {
   bool resetting = false;
   int own_resets = 0;
 
+  bool inputs_lost = false;
+  bool hanging = false;
+  uint32_t hang_pc = 0;
+  uint8_t hang_instruction[2] = {};
+
   bool step = false, direction = false, enable_low = false, heater = false, servo = false;
   bool relay = false, run_permitted = false, ready = false;
   std::vector<StepEdge> steps;
   int64_t position = 0;
+  uint8_t driven_c = 0, levels_c = 0, driven_d = 0, levels_d = 0;
   int64_t servo_rise = 0, servo_last = 0;
   int servo_pulse_us = 0;
   int64_t thermal_cycle = 0;
@@ -214,7 +220,30 @@ struct AvrBoard::Chip {
     avr_cycle_timer_register(avr, static_cast<avr_cycle_count_t>(in), on_alarm, this);
   }
 
-  void drive(Pin pin, bool high) { avr_raise_irq(pin_irq(pin), high ? 1 : 0); }
+  // simavr pulls inputs up again at every write to their port unless told who drives them.
+  void drive(Pin pin, bool high) {
+    uint8_t& mask = pin.port == kFilament.port ? driven_d : driven_c;
+    uint8_t& levels = pin.port == kFilament.port ? levels_d : levels_c;
+    const uint8_t bit = static_cast<uint8_t>(1 << pin.bit);
+    mask = static_cast<uint8_t>(mask | bit);
+    levels = static_cast<uint8_t>(high ? levels | bit : levels & ~bit);
+    avr_ioport_external_t external;
+    external.name = static_cast<unsigned char>(pin.port) & 0x7F;
+    external.mask = mask;
+    external.value = levels;
+    avr_ioctl(avr, static_cast<uint32_t>(AVR_IOCTL_IOPORT_SET_EXTERNAL(pin.port)), &external);
+    avr_raise_irq(pin_irq(pin), high ? 1 : 0);
+  }
+
+  // A reset clears what the input registers read, and an unchanged level is no news to simavr.
+  void drive_again() {
+    for (const Pin pin : {kFilament, kSignals[0], kSignals[1], kSignals[2], kSignals[3]}) {
+      const uint8_t levels = pin.port == kFilament.port ? levels_d : levels_c;
+      const uint32_t high = levels >> pin.bit & 1;
+      avr_raise_irq(pin_irq(pin), !high);
+      avr_raise_irq(pin_irq(pin), high);
+    }
+  }
 
   void connect();
   void run_until(int64_t cycle);
@@ -224,10 +253,14 @@ void AvrBoard::Chip::on_reset(avr_t* avr) {
   Chip& c = of(avr->custom.data);
   if (c.core_reset) c.core_reset(avr);
   if (!c.resetting) ++c.own_resets;
+  if (std::exchange(c.hanging, false)) {
+    std::memcpy(avr->flash + c.hang_pc, c.hang_instruction, 2);
+  }
   // A chip in reset lets go of its pins: pull-downs switch heater, relay and hold off, the driver
   // sleeps.
   c.set_heater(false);
   c.step = c.servo = c.relay = c.run_permitted = c.ready = c.enable_low = false;
+  c.inputs_lost = true;
   c.set_alarm();
 }
 
@@ -260,7 +293,10 @@ void AvrBoard::Chip::connect() {
 void AvrBoard::Chip::run_until(int64_t cycle) {
   alarm = cycle;
   set_alarm();
-  while (now() < cycle && avr->state != cpu_Crashed && avr->state != cpu_Done) avr_run(avr);
+  while (now() < cycle && avr->state != cpu_Crashed && avr->state != cpu_Done) {
+    if (std::exchange(inputs_lost, false)) drive_again();
+    avr_run(avr);
+  }
 }
 
 Result<std::unique_ptr<AvrBoard>> AvrBoard::open(const std::filesystem::path& elf,
@@ -355,6 +391,18 @@ void AvrBoard::reset(BoardReset cause) {
   avr_regbit_set(c.avr, cause == BoardReset::kPowerOn    ? c.avr->reset_flags.porf
                         : cause == BoardReset::kBrownOut ? c.avr->reset_flags.borf
                                                          : c.avr->reset_flags.extrf);
+}
+
+// The instruction it stands at becomes a jump to itself, until the next reset.
+void AvrBoard::hang() {
+  Chip& c = *chip_;
+  c.hang_pc = c.avr->pc;
+  std::memcpy(c.hang_instruction, c.avr->flash + c.hang_pc, 2);
+  const uint8_t jump_to_itself[2] = {0xFF, 0xCF};
+  std::memcpy(c.avr->flash + c.hang_pc, jump_to_itself, 2);
+  c.avr->sreg[S_I] = 0;
+  c.avr->state = cpu_Running;
+  c.hanging = true;
 }
 
 int AvrBoard::resets_seen() const {

@@ -64,6 +64,7 @@ class AvrBoard {
   // Everything in the chip starts anew, what is on the wires is lost; EEPROM, hot end and filament
   // stay.
   void reset(BoardReset cause);
+  void hang();              // the program loops with interrupts off, as after a stray write
   int resets_seen() const;  // those the board did by itself (watchdog)
   bool crashed() const;     // the firmware executed what no chip would
 
