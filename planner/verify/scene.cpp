@@ -54,7 +54,19 @@ Scene::Scene(const SceneSolids& solids, const ToolBodies& tools, Mode mode, doub
 void Scene::finish() {
   if (block_) block_->close(stock_);
   block_.reset();
-  direction_ = Vec3::Zero();
+  direction_ = top_axis_ = Vec3::Zero();
+  absorb_laid();
+}
+
+// What was printed bounds the part from now on.
+void Scene::absorb_laid() {
+  if (laid_.isEmpty()) return;
+  for (const auto corner :
+       {Box3::BottomLeftFloor, Box3::BottomRightFloor, Box3::TopLeftFloor, Box3::TopRightFloor,
+        Box3::BottomLeftCeil, Box3::BottomRightCeil, Box3::TopLeftCeil, Box3::TopRightCeil}) {
+    outline_.push_back(laid_.corner(corner));
+  }
+  laid_.setEmpty();
 }
 
 void Scene::look_along(const Vec3& direction) {
@@ -80,6 +92,7 @@ void Scene::look_along(const Vec3& direction) {
 bool Scene::near_anything(const SceneMove& move) {
   const Vec3 axis = move.pose.tool_axis();
   if (axis != top_axis_) {
+    absorb_laid();
     top_axis_ = axis;
     top_ = -std::numeric_limits<double>::infinity();
     for (const Vec3& p : outline_) top_ = std::max(top_, axis.dot(p));
@@ -94,7 +107,7 @@ bool Scene::near_anything(const SceneMove& move) {
 }
 
 void Scene::move(const SceneMove& move, const Place& place) {
-  if (!near_anything(move)) return;
+  if (move.bead_width <= 0 && !near_anything(move)) return;
   look_along(move.pose.tool_axis());
   const View& view = block_->view();
   const Local local{view.to_view(move.pose.to_part(move.from)),
@@ -222,6 +235,10 @@ void Scene::print(const Local& local) {
   if (m.bead_width <= 0) return;
   const Vec3 offset = local.turn * tools_.nozzle_deployed.offset;
   const Vec3 from = local.from + offset, to = local.to + offset;
+  for (const Vec3& end : {from, to}) {
+    laid_.extend(block_->view().to_part(end));
+    top_ = std::max(top_, end.z());
+  }
   const double length = (to - from).norm();
   const int pieces = std::max(1, static_cast<int>(std::ceil(length / kBeadStep)));
   for (int k = 0; k < pieces; ++k) {

@@ -61,8 +61,11 @@ class Scene {
   // Smallest gap met, per body and what it nearly touched ("holder to stock"); only gaps under 10
   // mm.
   const std::map<std::string, double>& clearances() const { return clearances_; }
-  // Vertices that bound the part at any time (initial and target).
-  const std::vector<Vec3>& outline() const { return outline_; }
+  // Points that bound the part at any time: of initial, target, and what was printed.
+  const std::vector<Vec3>& outline() {
+    absorb_laid();
+    return outline_;
+  }
 
  private:
   struct Obstacle {
@@ -78,6 +81,7 @@ class Scene {
   };
 
   bool near_anything(const SceneMove& move);
+  void absorb_laid();
   void look_along(const Vec3& direction);
   void check_body(const Body& body, Fault fault, const Local& local, const Obstacle& obstacle);
   void check_ball(Fault fault, double radius, const Local& local, const Obstacle& obstacle,
@@ -97,6 +101,7 @@ class Scene {
   Stock stock_;
   std::vector<Vec3> outline_;
   std::map<std::string, double> clearances_;
+  Box3 laid_;              // beads of the present direction, part frame
   double hanging_mm_ = 0;  // of the present bead, without support so far
 
   Vec3 top_axis_ = Vec3::Zero();  // the direction top_ is for
