@@ -228,7 +228,7 @@ void Daemon::perform(const Acknowledged& action) {
 }
 
 void Daemon::perform(const JobChanged& action) {
-  queue_.changed(action, core_.snapshot().relayed, machine_s());
+  queue_.changed(action, machine_s());
 }
 
 void Daemon::perform(const StateChanged& action) {
@@ -236,7 +236,11 @@ void Daemon::perform(const StateChanged& action) {
                                     action.sentence});
   spdlog::info("Rig: {} -> {}. {}", name(action.from), name(action.to), action.sentence);
   service::status(std::string(name(action.to)) + ". " + action.sentence);
-  if (door_) door_->publish("rig", to_json(rig_report()), OperatorServer::Kind::kMustArrive);
+  if (!door_) return;
+  api::RigReport report = rig_report();
+  report.state = name(action.to);  // the core may be further by now, and will say so
+  report.reason = action.sentence;
+  door_->publish("rig", to_json(report), OperatorServer::Kind::kMustArrive);
 }
 
 void Daemon::perform(const Note& action) {

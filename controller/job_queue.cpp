@@ -212,17 +212,17 @@ void JobQueue::verified(JobId id, const Result<JobFolder>& copy) {
   }
 }
 
-void JobQueue::changed(const JobChanged& change, std::int64_t toggles, double machine_s) {
+void JobQueue::changed(const JobChanged& change, double machine_s) {
   journal::StoredJob& job = jobs_.at(change.job);
   job.state = change.state;
   job.reason = change.sentence;
   job.changed_at = journal::now_utc();
   job.certainty = change.certainty;
   job.sent_known = is_over(change.state);
-  job.toggles = toggles;
+  job.toggles = change.relayed;
   job.machine_s = machine_s;
   journal_.write(journal::ChangeJob{change.job, change.state, change.sentence, change.certainty,
-                                    toggles, machine_s});
+                                    change.relayed, machine_s});
   spdlog::info("Job {} ({}): {}. {}", number(change.job), job.submitted.name,
                api::name_of(change.state), change.sentence);
   on_changed_(change.job);

@@ -45,7 +45,7 @@ class JobQueue {
   Status withdraw(JobId job, const std::string& who);
 
   // From the core and the journal.
-  void changed(const JobChanged& change, std::int64_t toggles, double machine_s);
+  void changed(const JobChanged& change, double machine_s);
   void journalled(const journal::Acknowledge& lines);
 
   api::JobReport report(JobId job) const;

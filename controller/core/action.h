@@ -47,6 +47,7 @@ struct RequestHorizon {
 struct Acknowledged {
   JobId job;
   LineCertainty certainty;
+  std::int64_t relayed;  // M-codes the extruder has done in this job
 };
 
 // The job entered a state. Final states carry what is known of the lines and a sentence.
@@ -55,6 +56,7 @@ struct JobChanged {
   JobState state;
   LineCertainty certainty;
   std::string sentence;
+  std::int64_t relayed;
 };
 
 // The rig entered a state (for clients and the journal).

@@ -62,11 +62,12 @@ void Sequencer::Impl::perform(Effect effect, const std::string& why) {
     case Effect::kJobRefused:
       return end_job({JobState::kReady, "Not started, nothing was sent. " + why});
     case Effect::kJobRunning:
-      actions.push_back(
-          JobChanged{run->order.id, JobState::kRunning, run->streamer.certainty(), {}});
+      actions.push_back(JobChanged{
+          run->order.id, JobState::kRunning, run->streamer.certainty(), {}, run->relayed});
       return;
     case Effect::kJobHeld:
-      actions.push_back(JobChanged{run->order.id, JobState::kHeld, run->streamer.certainty(), why});
+      actions.push_back(
+          JobChanged{run->order.id, JobState::kHeld, run->streamer.certainty(), why, run->relayed});
       return;
     case Effect::kJobOver:
       assert(run->verdict);
@@ -150,7 +151,8 @@ void Sequencer::Impl::end_job(const Verdict& verdict) {
   if (is_over(verdict.state) && verdict.state != JobState::kDone) {
     text += (text.empty() ? "" : " ") + interruption_sentence(certainty, true);
   }
-  actions.push_back(JobChanged{run->order.id, verdict.state, certainty, std::move(text)});
+  actions.push_back(
+      JobChanged{run->order.id, verdict.state, certainty, std::move(text), run->relayed});
   watch.extrusion_off();
   run.reset();
 }
@@ -158,7 +160,7 @@ void Sequencer::Impl::end_job(const Verdict& verdict) {
 void Sequencer::Impl::report_acknowledged() {
   if (!run || run->streamer.certainty().acknowledged == run->reported) return;
   run->reported = run->streamer.certainty().acknowledged;
-  actions.push_back(Acknowledged{run->order.id, run->streamer.certainty()});
+  actions.push_back(Acknowledged{run->order.id, run->streamer.certainty(), run->relayed});
 }
 
 void Sequencer::Impl::send(Link link, std::string bytes, bool urgent) {
