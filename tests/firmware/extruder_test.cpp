@@ -412,6 +412,64 @@ TEST(Extruder, AFaultWhileClosedClearsToClosed) {
   EXPECT_EQ(desk.extruder.clear_fault(desk.now_ms), Reason::kNone);  // nothing to clear
 }
 
+TEST(Extruder, ALengthOfNoStepIsRefused) {
+  Desk desk;
+  desk.settings.set(Setting::kStepsPerMetre, 1000);
+  desk.open_hot();
+  EXPECT_EQ(desk.extruder.extrude_length(100, 5000), Reason::kBadArgument);
+}
+
+TEST(Extruder, RetractionKeepsToTheMotorsRates) {
+  Desk fast;  // 100 mm/s at 420 steps/mm would be 42,000 steps/s
+  fast.settings.set(Setting::kRetractSpeed, 100'000);
+  fast.settings.set(Setting::kAcceleration, 2'000'000);
+  fast.open_hot();
+  command(fast, 74, 20'000);
+  fast.run_ms(3000);
+  EXPECT_EQ(fast.extruder.retracted(), 8400);
+  const auto& steps = fast.timer.steps();
+  for (size_t i = 1; i < steps.size(); ++i) ASSERT_GE(steps[i] - steps[i - 1], 99u);
+
+  Desk slow;  // 0.1 mm/s at 1 step/mm would be a step in ten seconds
+  slow.settings.set(Setting::kRetractSpeed, 100);
+  slow.settings.set(Setting::kStepsPerMetre, 1000);
+  slow.open_hot();
+  command(slow, 74, 3000);
+  slow.run_ms(4000);
+  EXPECT_EQ(slow.extruder.retracted(), 3);
+}
+
+TEST(Extruder, ATerminalDoesNotProlongAHostsExtrusion) {
+  Desk desk;
+  bring_to(desk, State::kExtruding);
+  desk.silent = true;
+  desk.extruder.refresh(Authority::kTerminal, desk.now_ms);
+  desk.run_ms(600);
+  EXPECT_EQ(desk.extruder.fault(), Fault::kExtrusionSilence);
+}
+
+TEST(Extruder, RetractingNeedsNoFilamentAhead) {
+  Desk desk;
+  desk.settings.set(Setting::kFilamentSensor, 1);
+  bring_to(desk, State::kRetracting);
+  desk.filament = false;
+  desk.run_ms(1000);
+  EXPECT_EQ(desk.extruder.state(), State::kRetracted);
+}
+
+TEST(Extruder, ASensorNoLongerFittedIsNoReasonToStayInFault) {
+  Desk desk;
+  bring_to(desk, State::kReady);
+  desk.hot_end.set_sensor(SensorWiring::kOpen);
+  desk.run_ms(500);
+  ASSERT_EQ(desk.extruder.fault(), Fault::kSensorOpen);
+  EXPECT_TRUE(desk.extruder.idle());
+  desk.settings.set(Setting::kHeaterFitted, 0);
+  EXPECT_EQ(desk.extruder.clear_fault(desk.now_ms), Reason::kNone);
+  EXPECT_EQ(desk.extruder.state(), State::kStandby);
+  EXPECT_TRUE(desk.extruder.idle());
+}
+
 // Whatever is asked, in whatever order: filament moves only hot and open, counts are exact, silence
 // ends motion, and the heater is off in every state that says so.
 TEST(Extruder, InvariantsHoldOverRandomCommands) {
