@@ -183,7 +183,7 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
       const float below = envelope_.top(cell);
       if (static_cast<double>(below) < w - 0.7 * height) {  // not yet at this layer
         ++bead.fresh;
-        if (static_cast<double>(below) >= w - 1.5 * height) ++bead.supported;
+        if (static_cast<double>(below) >= w - 1.95 * height) ++bead.supported;
       }
       TopRun& run = run_[cell];
       if (run.hi < run.lo) {

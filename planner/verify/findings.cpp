@@ -65,6 +65,8 @@ std::string_view name_of(Fault fault) {
       return "end_state";
     case Fault::kDeviation:
       return "deviation";
+    case Fault::kLeftOver:
+      return "left_over";
   }
   assert(false);
   return "";

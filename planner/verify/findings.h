@@ -44,8 +44,9 @@ enum class Fault {
   kDepositOutside,     // a bead beyond the part
   kEndState,           // the end with heater, spindle or extrusion on; or no end
   kDeviation,          // the finished part lacks material it should have
+  kLeftOver,           // a lump that was to be milled away is still there
 };
-constexpr std::size_t kFaults = static_cast<std::size_t>(Fault::kDeviation) + 1;
+constexpr std::size_t kFaults = static_cast<std::size_t>(Fault::kLeftOver) + 1;
 
 std::string_view name_of(Fault fault);  // "rapid_in_material"
 

@@ -101,10 +101,17 @@ void ProgramHeader::compare(const RigDescription& rig, Mode mode, const std::str
   });
 }
 
-std::optional<int> block_number(const std::string& comment) {
+std::optional<BlockComment> block_comment(const std::string& comment) {
   int number = 0;
   if (std::sscanf(comment.c_str(), "block %d", &number) != 1 || number < 0) return std::nullopt;
-  return number;
+  BlockComment block{number, std::nullopt};
+  const std::size_t at = comment.find("direction ");
+  Vec3 d;
+  if (at != std::string::npos &&
+      std::sscanf(comment.c_str() + at + 10, "%lf %lf %lf", &d.x(), &d.y(), &d.z()) == 3) {
+    block.direction = d;
+  }
+  return block;
 }
 
 }  // namespace reforge::verify

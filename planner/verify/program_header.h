@@ -28,7 +28,11 @@ class ProgramHeader {
   std::string last_key_;
 };
 
-// The number of `block 03 …` in a comment, if it is one.
-std::optional<int> block_number(const std::string& comment);
+// `block 03 mill direction x y z` in a comment, if it is one; the direction may be missing.
+struct BlockComment {
+  int number;
+  std::optional<Vec3> direction;
+};
+std::optional<BlockComment> block_comment(const std::string& comment);
 
 }  // namespace reforge::verify

@@ -13,6 +13,7 @@ using gcode::ModalState;
 
 constexpr double kClearSlack = 0.5;   // mm: beads stand out by half their width
 constexpr double kLimitSlack = 1e-3;  // mm and degrees: decimals in the program
+constexpr double kDecimals = 1e-3;    // mm
 constexpr double kFeedLeast_mm_per_s = 0.1;
 constexpr double kBaseSlack = 0.05;  // mm
 constexpr std::size_t kLinesPerReport = 2048;
@@ -85,12 +86,13 @@ Result<ReplayOutcome> Replay::run(std::istream& program, const ReplayOptions& op
       }
     }
     if (in_header) {
-      in_header = line.empty();
+      in_header = line.empty() || line.words[0].letter == 'O';
       if (in_header) header_.take(line);
     }
-    if (const std::optional<int> block = block_number(line.comment)) {
-      place_.block = *block;
-      outcome_.blocks = std::max(outcome_.blocks, *block);
+    if (const std::optional<BlockComment> block = block_comment(line.comment)) {
+      place_.block = block->number;
+      announced_ = block->direction;
+      outcome_.blocks = std::max(outcome_.blocks, block->number);
     }
     if (line.empty()) continue;
     place_.line = line.number;
@@ -277,7 +279,8 @@ void Replay::judge_feed(const Vec3& delta) {
   const std::array<double, 3> limits{rig_.x.max_feed_mm_per_s, rig_.y.max_feed_mm_per_s,
                                      rig_.z.max_feed_mm_per_s};
   for (int k = 0; k < 3; ++k) {
-    const double share = std::fabs(delta[k]) / length;
+    // The program's decimals turn a short move a little.
+    const double share = (std::fabs(delta[k]) - kDecimals) / length;
     if (share > 1e-9) most = std::min(most, limits[static_cast<std::size_t>(k)] / share);
   }
   const bool tool_limits = !state_.module_open;
@@ -289,6 +292,19 @@ void Replay::judge_feed(const Vec3& delta) {
                          (tool_limits ? "cutter and axes allow " : "the axes allow ") +
                          millimetres(most * 60) + " here, and no less than 6";
                 });
+}
+
+// Whether the tool comes from where the block's comment says.
+void Replay::judge_direction() {
+  if (!announced_ || (*announced_ - pose_.tool_axis()).norm() < 1e-3) return;
+  const Vec3 said = *announced_, is = pose_.tool_axis();
+  announced_.reset();  // once a block
+  findings_.add(Fault::kHeader, place_.line, place_.block, part_position(), 0, [&] {
+    const auto text = [](const Vec3& v) {
+      return "(" + millimetres(v.x()) + ", " + millimetres(v.y()) + ", " + millimetres(v.z()) + ")";
+    };
+    return "the block is for direction " + text(said) + ", but the tool comes from " + text(is);
+  });
 }
 
 void Replay::linear(const ModalState& before) {
@@ -314,6 +330,7 @@ void Replay::linear(const ModalState& before) {
   if (delta.isZero(0)) return;
   const Vec3 at = pose_.to_part(*to);
   if (!rapid) judge_feed(delta);
+  if (!rapid) judge_direction();
   const double feed = rapid ? 0 : *state_.feed_mm_per_min / 60.0;
   time_.move({delta.x(), delta.y(), delta.z()}, rapid ? std::nullopt : std::optional<double>(feed));
   SceneMove m{pose_,

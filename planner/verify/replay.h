@@ -45,6 +45,7 @@ class Replay {
   void linear(const gcode::ModalState& before);
   void judge_limits(const gcode::ModalState& state);
   void judge_feed(const Vec3& delta);
+  void judge_direction();
   void module_code(const gcode::Action& action, const gcode::ModalState& before);
   void spindle();
   void end(bool complete);
@@ -68,6 +69,7 @@ class Replay {
   gcode::ModalState state_;
   Pose pose_;
   Place place_;
+  std::optional<Vec3> announced_;  // the block's direction by its comment
   ReplayOutcome outcome_;
 };
 

@@ -202,6 +202,9 @@ void Scene::mill(const Local& local) {
     }
   }
   if (!cuts) return;
+  if (std::find(milled_from_.begin(), milled_from_.end(), direction_) == milled_from_.end()) {
+    milled_from_.push_back(direction_);
+  }
   const Gouge gouge = block_->cut(local.from, local.to, r, kTouch);
   if (gouge.depth > 0) {
     report(Fault::kGouge, local, gouge.where, gouge.depth,

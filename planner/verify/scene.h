@@ -57,6 +57,8 @@ class Scene {
   void finish();
 
   const Stock& stock() const { return stock_; }
+  // Every direction milled from.
+  const std::vector<Vec3>& milled_from() const { return milled_from_; }
   double pitch() const { return pitch_; }
   // Smallest gap met, per body and what it nearly touched ("holder to stock"); only gaps under 10
   // mm.
@@ -100,6 +102,7 @@ class Scene {
   Findings& findings_;
   Stock stock_;
   std::vector<Vec3> outline_;
+  std::vector<Vec3> milled_from_;
   std::map<std::string, double> clearances_;
   Box3 laid_;              // beads of the present direction, part frame
   double hanging_mm_ = 0;  // of the present bead, without support so far

@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "planner/geometry/mesh_io.h"
+#include "planner/verify/left_over.h"
 #include "protocols/sha256.h"
 
 namespace reforge {
@@ -112,6 +113,22 @@ Result<Verification> verify_program(std::istream& program, const VerifyInputs& i
        inputs.rig.extrusion.bead_width_mm / std::max(inputs.rig.extrusion.infill, 0.05)},
       v.pitch_mm);
   judge_deviation(v.part, v.findings);
+  if (inputs.reused) {
+    const TriangleMesh* fixture = inputs.mode == Mode::kStrict ? pointer(inputs.fixture) : nullptr;
+    const LeftOver left =
+        find_left_over(scene.stock(), {inputs.initial, *inputs.reused,
+                                       fixture && !fixture->empty() ? fixture : nullptr, tools,
+                                       scene.milled_from()});
+    v.left_over_lumps_mm3 = left.volume_mm3;
+    if (left.volume_mm3 > 0) {
+      v.findings.add(Fault::kLeftOver, 0, 0, left.where, left.thickness_mm, [&] {
+        return "a lump that was to be milled away, and could have been, is still there: " +
+               millimetres(left.thickness_mm) + " mm thick at X" + millimetres(left.where.x()) +
+               " Y" + millimetres(left.where.y()) + " Z" + millimetres(left.where.z()) + ", " +
+               millimetres(left.volume_mm3) + " mm3 in all";
+      });
+    }
+  }
   v.pass = v.findings.total() == 0;
   return v;
 }
@@ -149,6 +166,7 @@ Certificate certificate_of(const Verification& v, const VerifyInputs& inputs) {
   if (inputs.reused) {
     c.volume_details_mm3["kept_cut"] = v.part.kept_cut;
     c.volume_details_mm3["left_over"] = v.part.left_over;
+    c.volume_details_mm3["left_over_lumps"] = v.left_over_lumps_mm3;
   }
   if (inputs.added) {
     c.volume_details_mm3["added_in_plan"] = v.part.added_in_plan;

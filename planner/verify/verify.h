@@ -6,8 +6,8 @@
 //
 // Limits: the stock's columns are `pitch` apart (0.1 mm; 0.2 mm for parts with more than 4 million
 // columns), bodies are tested there and not between; beads are stadiums of constant section; a
-// surface that was left too large is reported as deviation and left-over volume, and is no finding:
-// corners that no ball end reaches are left on purpose.
+// surface that was left too large is reported as deviation, and is a finding only where it is a
+// lump that the tools could have removed.
 #pragma once
 
 #include <filesystem>
@@ -48,6 +48,7 @@ struct Verification {
   verify::ReplayOutcome program;
   verify::PartOutcome part;
   std::map<std::string, double> clearance_mm;
+  double left_over_lumps_mm3 = 0;  // could have been milled away (if V_R is given)
 };
 
 // Errors: kInterrupted, kUnreadable. A faulty program is an answer, not an error.

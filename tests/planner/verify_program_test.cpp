@@ -54,14 +54,19 @@ TEST(VerifyProgram, FlippedRotarySignIsFound) {
   World world;
   world.replace("G0 B90 C0", "G0 B-90 C0");
   const Verification v = world.verify();
-  EXPECT_GT(v.part.left_over, World().verify().part.left_over + 100);
+  EXPECT_TRUE(has(v, Fault::kHeader)) << all_of(v);
+  world.drop("; block 02 mill direction 1.000000 0.000000 0.000000");
+  EXPECT_GT(world.verify().part.left_over, 100);
 }
 
 TEST(VerifyProgram, ShiftedPivotIsFound) {
   World world;
   world.inputs.rig.kinematics.tilt_offset_mm.z += 1;
   EXPECT_TRUE(has(world.verify(), Fault::kGouge));
-
+  world.inputs.rig.kinematics.tilt_offset_mm.z -= 2;
+  const Verification v = world.verify();
+  EXPECT_TRUE(has(v, Fault::kLeftOver)) << all_of(v);
+  EXPECT_NEAR(v.findings.of(Fault::kLeftOver).worst.depth_mm, 6, 0.5);
 }
 
 TEST(VerifyProgram, RapidThroughMaterialIsFound) {
@@ -225,6 +230,15 @@ TEST(VerifyProgram, LostPassesLeaveMaterialThatIsMeasured) {
   const Verification v = world.verify();
   EXPECT_GT(v.part.left_over, clean.part.left_over + 0.5);
   EXPECT_GT(v.part.milled->most, 0.1);
+}
+
+TEST(VerifyProgram, ALostBlockLeavesALump) {
+  World world;
+  const std::size_t first = world.find("G1 X-12", 8);
+  world.lines.erase(world.lines.begin() + static_cast<std::ptrdiff_t>(first),
+                    world.lines.begin() + static_cast<std::ptrdiff_t>(first + 24));
+  const Verification v = world.verify();
+  EXPECT_TRUE(has(v, Fault::kLeftOver)) << all_of(v);
 }
 
 TEST(VerifyProgram, PaperModeKnowsNeitherTravelNorFixture) {
