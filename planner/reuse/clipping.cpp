@@ -96,6 +96,14 @@ void ClippingModel::add_base(const BaseComponent& base, const std::vector<Vec3>&
   slots_.push_back(std::move(slot));
 }
 
+void ClippingModel::require(const std::vector<std::uint32_t>& origins) {
+  for (Slot& slot : slots_) {
+    slot.required |= std::any_of(origins.begin(), origins.end(), [&](std::uint32_t origin) {
+      return std::binary_search(slot.origins.begin(), slot.origins.end(), origin);
+    });
+  }
+}
+
 void ClippingModel::add_blocker_slots(std::size_t most) {
   constexpr double kApart = 8;  // mm
   std::vector<Vec3> served;

@@ -88,6 +88,8 @@ class ClippingModel {
   const std::vector<WatchedPoint>& watched() const { return watched_; }
 
   void add_base(const BaseComponent& base, const std::vector<Vec3>& normals);
+  // Bases with one of these facets must be taken as a whole; to be called before watch().
+  void require(const std::vector<std::uint32_t>& origins);
   // A slot for whatever blocks a watched point along its least blocked direction.
   void add_blocker_slots(std::size_t most);
   // A slot from which everything above a height can be taken.

@@ -12,16 +12,16 @@
 namespace reforge {
 namespace {
 
-constexpr double kFacing = 0.9;         // cosine between normals of one surface, 26 degrees
-constexpr double kFacingNear = 0.995;   // the same for contacts seen only close to a corner
-constexpr double kClearance = 1. / 20;  // of the tolerance
-constexpr double kLongest = 6;          // greatest move at a sharp edge, in hairs
+constexpr double kFacing = 0.9;          // cosine between normals of one surface, 26 degrees
+constexpr double kFacingNear = 0.995;    // the same for contacts seen only close to a corner
+constexpr double kClearance = 1. / 200;  // of the tolerance
+constexpr double kLongest = 6;           // greatest move at a sharp edge, in hairs
 
 enum class Contact : std::uint8_t { kNone, kSame, kOpposite };
 
 struct Touch {
   Contact contact = Contact::kNone;
-  double distance = 0;
+  double distance = 0;  // along the normal, mm
 };
 
 const Vec3& corner(const TriangleMesh& mesh, std::size_t t, int k) {
@@ -37,14 +37,15 @@ double area_of(const TriangleMesh& mesh, std::size_t t) {
          2;
 }
 
-// Whether another surface lies within reach of a point that has this normal.
+// Whether another surface lies within reach of a point that has this normal. The distance is along
+// the normal: beside a rim the other surface goes on at the same height.
 Touch touch(const TriangleTree& other, const Vec3& point, const Vec3& normal, double reach,
             double cosine, std::uint32_t* triangle = nullptr) {
   for (const auto contact : {Contact::kSame, Contact::kOpposite}) {
     const Vec3 direction = contact == Contact::kSame ? normal : Vec3(-normal);
     if (const auto found = other.closest_facing(point, reach, {direction, cosine})) {
       if (triangle) *triangle = found->triangle;
-      return {contact, found->distance};
+      return {contact, std::abs((found->point - point).dot(normal))};
     }
   }
   return {};
@@ -70,56 +71,66 @@ Touch corner_touch(const TriangleTree& other, const TriangleTree& self, std::uin
   return far.contact != Contact::kNone ? far : both(tolerance, tolerance / 10, kFacingNear);
 }
 
-// For one mesh: contact of each corner (3 * triangle + k), and how far the other surface is at
-// most.
+// For one mesh: contact of each corner (3 * triangle + k), how far the other surface is at most,
+// and whether it was met at every point looked at.
 struct Contacts {
   std::vector<Touch> corners;
   std::vector<double> distance;  // by triangle
+  std::vector<bool> throughout;  // by triangle
 };
 
-void find_contacts(Contacts& contacts, const TriangleTree& self, const TriangleTree& other,
-                   double tolerance) {
+std::array<Vec3, 4> inner_samples(const TriangleMesh& mesh, std::size_t t) {
+  const Vec3 &a = corner(mesh, t, 0), &b = corner(mesh, t, 1), &c = corner(mesh, t, 2);
+  return {(a + b + c) / 3, (a + b) / 2, (b + c) / 2, (c + a) / 2};
+}
+
+Contacts find_contacts(const TriangleTree& self, const TriangleTree& other, double tolerance) {
   const TriangleMesh& mesh = self.mesh();
   std::vector<bool> near(mesh.vertices.size());
   for (std::size_t v = 0; v < near.size(); ++v) {
     near[v] = other.closest(mesh.vertices[v], tolerance).has_value();
   }
+  Contacts contacts;
   contacts.corners.assign(3 * mesh.triangles.size(), {});
   contacts.distance.assign(mesh.triangles.size(), 0);
+  contacts.throughout.assign(mesh.triangles.size(), false);
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    double& distance = contacts.distance[t];
-    bool any = false;
+    int met = 0;
+    if (self.normal(t).isZero()) {  // a needle follows the triangles around it
+      const auto& [a, b, c] = mesh.triangles[t];
+      contacts.throughout[t] = near[a] && near[b] && near[c];
+      for (const Vec3& at : inner_samples(mesh, t)) {
+        if (!other.closest(at, tolerance)) contacts.throughout[t] = false;
+      }
+      continue;
+    }
     for (int k = 0; k < 3; ++k) {
       if (!near[mesh.triangles[t][k]]) continue;
       const Touch found = corner_touch(other, self, t, k, tolerance);
       contacts.corners[3 * t + static_cast<std::uint32_t>(k)] = found;
-      distance = std::max(distance, found.distance);
-      any = any || found.contact != Contact::kNone;
+      contacts.distance[t] = std::max(contacts.distance[t], found.distance);
+      met += found.contact != Contact::kNone;
     }
-    if (!any) continue;
-    for (const Vec3& at : {centre(mesh, t), Vec3((corner(mesh, t, 0) + corner(mesh, t, 1)) / 2),
-                           Vec3((corner(mesh, t, 1) + corner(mesh, t, 2)) / 2),
-                           Vec3((corner(mesh, t, 2) + corner(mesh, t, 0)) / 2)}) {
-      distance = std::max(distance, touch(other, at, self.normal(t), tolerance, kFacing).distance);
+    if (met == 0) continue;
+    for (const Vec3& at : inner_samples(mesh, t)) {
+      const Touch found = touch(other, at, self.normal(t), tolerance, kFacing);
+      contacts.distance[t] = std::max(contacts.distance[t], found.distance);
+      met += found.contact != Contact::kNone;
     }
+    contacts.throughout[t] = met == 7;
   }
+  return contacts;
 }
 
 // Points of the initial surface that lie on a triangle of the target which is in contact only in
 // part.
 using PointsIn = std::map<std::uint32_t, std::vector<Vec3>>;
 
-bool in_contact_throughout(const Contacts& contacts, std::uint32_t t) {
-  for (std::uint32_t k = 0; k < 3; ++k) {
-    if (contacts.corners[3 * t + k].contact == Contact::kNone) return false;
-  }
-  return true;
-}
-
 // Widens the target's distances by what the initial surface sees, and collects the points to
 // insert.
 PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
-                          const TriangleTree& initial, double tolerance) {
+                          const TriangleTree& initial, const Contacts& of_initial,
+                          double tolerance) {
   PointsIn points;
   const TriangleMesh& mesh = initial.mesh();
   const auto note = [&](const Vec3& at, const Vec3& normal, bool insert) {
@@ -127,18 +138,22 @@ PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
     const Touch found = touch(target, at, normal, tolerance, kFacing, &t);
     if (found.contact == Contact::kNone) return;
     contacts.distance[t] = std::max(contacts.distance[t], found.distance);
-    if (insert && !in_contact_throughout(contacts, t)) points[t].push_back(at);
+    if (!insert) return;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      if (contacts.corners[3 * t + k].contact != Contact::kNone) continue;
+      points[t].push_back(at);
+      return;
+    }
   };
   for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Vec3& normal = initial.normal(t);
-    if (normal.isZero()) continue;
-    note(centre(mesh, t), normal, false);
-    for (int k = 0; k < 3; ++k) {
-      const Vec3 &a = corner(mesh, t, k), &b = corner(mesh, t, (k + 1) % 3);
-      if (!target.closest(a, tolerance)) continue;
-      note((a + b) / 2, normal, false);
-      note(a, normal, corner_touch(target, initial, t, k, tolerance).contact != Contact::kNone);
+    bool any = false;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      if (of_initial.corners[3 * t + k].contact == Contact::kNone) continue;
+      note(corner(mesh, t, static_cast<int>(k)), initial.normal(t), true);
+      any = true;
     }
+    if (!any) continue;
+    for (const Vec3& at : inner_samples(mesh, t)) note(at, initial.normal(t), false);
   }
   return points;
 }
@@ -304,20 +319,24 @@ Separation separate(const TriangleMesh& initial, const TriangleMesh& target, dou
   Separation result;
   result.target = target;
   const TriangleTree initial_tree(initial);
-  Contacts contacts;
+  Contacts contacts, of_initial;
   {
     const TriangleTree tree(target);
-    find_contacts(contacts, tree, initial_tree, tolerance_mm);
-    const PointsIn points = see_from_initial(contacts, tree, initial_tree, tolerance_mm);
+    contacts = find_contacts(tree, initial_tree, tolerance_mm);
+    of_initial = find_contacts(initial_tree, tree, tolerance_mm);
+    const PointsIn points =
+        see_from_initial(contacts, tree, initial_tree, of_initial, tolerance_mm);
     for (const auto& [t, in_triangle] : points) {
       insert_points(result.target, t, in_triangle, tolerance_mm);
     }
   }
   const TriangleTree tree(result.target);
   if (result.target.triangles.size() > target.triangles.size()) {
-    find_contacts(contacts, tree, initial_tree, tolerance_mm);
-    see_from_initial(contacts, tree, initial_tree, tolerance_mm);
+    contacts = find_contacts(tree, initial_tree, tolerance_mm);
+    see_from_initial(contacts, tree, initial_tree, of_initial, tolerance_mm);
   }
+  result.target_settled = contacts.throughout;
+  result.initial_settled = of_initial.throughout;
   const Moves moves = moves_for(tree, contacts, tolerance_mm);
   result.grown = result.shrunk = result.target;
   for (std::size_t v = 0; v < result.target.vertices.size(); ++v) {

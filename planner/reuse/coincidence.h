@@ -27,9 +27,12 @@
 namespace reforge {
 
 struct Separation {
-  TriangleMesh target;              // the same surface, perhaps with more vertices
-  TriangleMesh grown, shrunk;       // the same triangles, vertices moved
-  std::vector<bool> moved;          // by triangle: has a moved vertex
+  TriangleMesh target;         // the same surface, perhaps with more vertices
+  TriangleMesh grown, shrunk;  // the same triangles, vertices moved
+  std::vector<bool> moved;     // by triangle: has a moved vertex
+  // By triangle: in contact wherever looked at. Two settled triangles do not cross: if the moved
+  // target seems to cross the initial part there, it is by the hair alone.
+  std::vector<bool> target_settled, initial_settled;
   double coincident_area_mm2 = 0;   // of the target's triangles, by corners in contact
   double greatest_distance_mm = 0;  // between coincident surfaces
 };

@@ -107,7 +107,7 @@ std::vector<SurfaceSample> sample_borders(const CellComplex& complex, double dis
         std::swap(matter, other);
         normal = -normal;
       }
-      samples.push_back({position, normal, matter, other, facet.origin});
+      samples.push_back({position, normal, matter, other, f, facet.origin});
     }
   }
   return samples;

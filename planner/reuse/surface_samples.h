@@ -29,7 +29,8 @@ struct SurfaceSample {
   Vec3 normal;    // unit; out of V~_R where it borders on it, else from back to front
   Region matter;  // V~_R if it borders on it, else the region behind
   Region other;
-  std::uint32_t origin = 0;  // of the facet it lies on
+  std::uint32_t facet = 0;   // of the complex, on which it lies
+  std::uint32_t origin = 0;  // of that facet
 
   bool borders_reused() const { return matter == kReused; }
   bool needs_cutter(bool reused_goes) const {

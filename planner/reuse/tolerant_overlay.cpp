@@ -135,14 +135,17 @@ struct Sheets {
   Sheet initial, grown, shrunk;  // of `shrunk` only what was moved
 };
 
-Result<Sheets> cut_apart(const TriangleTree& initial, const TriangleTree& grown,
-                         const TriangleTree& shrunk) {
+Result<Sheets> cut_apart(const Separation& separation, const TriangleTree& initial,
+                         const TriangleTree& grown, const TriangleTree& shrunk,
+                         const std::vector<std::uint32_t>& in_target) {
   std::vector<bool> of_initial(initial.mesh().triangles.size()),
       of_grown(grown.mesh().triangles.size()), of_shrunk(shrunk.mesh().triangles.size());
   TriangleTree::visit_pairs(initial, grown, [&](std::uint32_t i, std::uint32_t j) {
+    if (separation.initial_settled[i] && separation.target_settled[j]) return;
     of_initial[i] = of_grown[j] = true;
   });
   TriangleTree::visit_pairs(initial, shrunk, [&](std::uint32_t i, std::uint32_t j) {
+    if (separation.initial_settled[i] && separation.target_settled[in_target[j]]) return;
     of_initial[i] = of_shrunk[j] = true;
   });
   std::vector<std::uint32_t> in_initial, in_grown, in_shrunk;
@@ -180,7 +183,7 @@ Result<CellComplex> separated_overlay(const TriangleMesh& initial, const Separat
   moved = some_of(separation.shrunk, separation.moved, numbers);
   const TriangleTree tree(initial), grown(separation.grown), shrunk(separation.shrunk),
       moved_tree(moved);
-  const auto sheets = cut_apart(tree, grown, moved_tree);
+  const auto sheets = cut_apart(separation, tree, grown, moved_tree, numbers);
   if (!sheets) return sheets.error();
   const auto in_grown = inside(sheets->initial, grown);
   const auto in_shrunk = inside(sheets->initial, shrunk);
