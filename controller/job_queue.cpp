@@ -184,10 +184,14 @@ void JobQueue::verifier_ended(JobId id, const ChildOutcome& outcome) {
   if (!outcome.exit_code) {
     enter(id, JobState::kFailed, "It could not be verified: " + outcome.sentence + ".");
   } else if (*outcome.exit_code != 0) {
-    enter(id, JobState::kFailed, "The verifier refuses it: " + outcome.last_line);
+    // Without a word it has found the program good, but another certificate than the one submitted.
+    enter(id, JobState::kFailed,
+          "The verifier refuses it: " +
+              (outcome.last_line.empty() ? "the certificate is not the one this verification gives."
+                                         : outcome.last_line));
   } else {
-    // The verifier has written its own certificate into the copy: it must say `pass`, for the very
-    // bytes that were submitted.
+    // It has compared its certificate with the copy's; are the files still those, after all that
+    // time?
     intake_.check(jobs_.at(id).submitted.folder,
                   [this, id](const Result<JobFolder>& copy) { verified(id, copy); });
   }

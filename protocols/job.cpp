@@ -7,6 +7,7 @@
 #include <optional>
 #include <sstream>
 
+#include "protocols/certificate.h"
 #include "protocols/sha256.h"
 
 namespace reforge {
@@ -57,11 +58,6 @@ Result<json> read_json(const fs::path& file) {
   return value;
 }
 
-std::string text_at(const json& object, const char* key) {
-  const auto found = object.find(key);
-  return found != object.end() && found->is_string() ? found->get<std::string>() : "";
-}
-
 Result<std::int64_t> count_lines(const fs::path& file) {
   std::ifstream in(file, std::ios::binary);
   std::array<char, 65536> buffer;
@@ -88,32 +84,23 @@ std::string reasons_of(const json& infeasible) {
   return out + ".";
 }
 
-Status take_certificate(const fs::path& folder, const json& certificate, JobFolder& job) {
-  const std::string file = (folder / "certificate.json").string();
-  if (text_at(certificate, "format") != "reforge-certificate 1") {
-    return Error{Code::kWrongVersion, file + ": is no \"reforge-certificate 1\"."};
-  }
-  const std::string mode = text_at(certificate, "mode");
-  if (mode != "strict" && mode != "paper") {
-    return Error{Code::kMalformed, file + ": \"mode\" must be \"strict\" or \"paper\"."};
-  }
-  job.mode = mode == "paper" ? Mode::kPaper : Mode::kStrict;
-  if (text_at(certificate, "verdict") != "pass") {
-    return Error{Code::kNotCertified, file + ": the verifier's verdict is not \"pass\"."};
-  }
-  if (const auto s = certificate.find("seconds"); s != certificate.end() && s->is_number()) {
-    job.estimated_s = s->get<double>();
-  }
-  const auto hashes = certificate.find("sha256");
-  if (hashes == certificate.end() || !hashes->is_object()) {
-    return Error{Code::kMalformed, file + ": \"sha256\" must be an object."};
+Status take_certificate(const fs::path& folder, JobFolder& job) {
+  const fs::path file = folder / "certificate.json";
+  if (Status plain = plain_file(file); !plain) return plain;
+  const auto certificate = read_certificate(file);
+  if (!certificate) return certificate.error();
+  job.mode = certificate->mode;
+  job.estimated_s = certificate->seconds;
+  if (!certificate->pass) {
+    return Error{Code::kNotCertified, file.string() + ": the verifier's verdict is not \"pass\"."};
   }
   for (const Bound& bound : kBound) {
     const fs::path bound_file = folder / bound.file;
     if (Status plain = plain_file(bound_file); !plain) return plain;
     const auto hash = sha256_of_file(bound_file);
     if (!hash) return hash.error();
-    if (*hash != text_at(*hashes, bound.key)) {
+    const auto certified = certificate->sha256.find(bound.key);
+    if (certified == certificate->sha256.end() || certified->second != *hash) {
       return Error{Code::kHashMismatch,
                    bound_file.string() +
                        ": is not the file the certificate was made for; verify the job again."};
@@ -138,9 +125,7 @@ Result<JobFolder> read_job(const fs::path& folder) {
   if (const auto infeasible = plan->find("infeasible"); infeasible != plan->end()) {
     return Error{Code::kNoFeasiblePlan, folder.string() + ": " + reasons_of(*infeasible)};
   }
-  const auto certificate = read_json(folder / "certificate.json");
-  if (!certificate) return certificate.error();
-  if (Status taken = take_certificate(folder, *certificate, job); !taken) return taken.error();
+  if (Status taken = take_certificate(folder, job); !taken) return taken.error();
   const auto lines = count_lines(folder / "program.nc");
   if (!lines) return lines.error();
   job.lines = *lines;

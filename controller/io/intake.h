@@ -30,7 +30,7 @@ class Intake {
 
   // `done` is called in the io_context's thread, in the order of the calls.
   void take(const std::filesystem::path& folder, std::function<void(Result<TakenIn>)> done);
-  // The same check of a copy again, after others had their hands on it.
+  // The same check of a copy again.
   void check(const std::string& copy, std::function<void(Result<JobFolder>)> done);
 
  private:

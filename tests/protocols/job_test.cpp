@@ -65,17 +65,25 @@ TEST_F(JobFolders, MissingFolderIsNoJob) {
   EXPECT_EQ(refused(), Code::kUnreadable);
 }
 
+TEST_F(JobFolders, CertificateThatBindsTooLittleIsRefused) {
+  Certificate certificate = *read_certificate(folder_ / "certificate.json");
+  certificate.sha256.erase("fixture");
+  write_certificate(folder_, certificate);
+  EXPECT_EQ(refused(), Code::kHashMismatch);
+}
+
 TEST_F(JobFolders, FailedVerdictIsRefused) {
-  auto certificate = read_certificate(folder_);
-  certificate["verdict"] = "fail";
+  Certificate certificate = *read_certificate(folder_ / "certificate.json");
+  certificate.pass = false;
+  certificate.findings.push_back({"gouge", 1, 14, 1, {}, 0.5, "The cutter enters the part."});
   write_certificate(folder_, certificate);
   EXPECT_EQ(refused(), Code::kNotCertified);
 }
 
 TEST_F(JobFolders, OtherCertificateFormatIsRefused) {
-  auto certificate = read_certificate(folder_);
-  certificate["format"] = "reforge-certificate 2";
-  write_certificate(folder_, certificate);
+  std::string text = read_file(folder_ / "certificate.json");
+  text.replace(text.find("reforge-certificate 1"), 21, "reforge-certificate 2");
+  write_file(folder_ / "certificate.json", text);
   EXPECT_EQ(refused(), Code::kWrongVersion);
 }
 

@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <nlohmann/json.hpp>
 #include <string>
 
+#include "protocols/certificate.h"
 #include "protocols/sha256.h"
 
 namespace reforge::testing {
@@ -36,12 +36,8 @@ inline std::string program_header(const std::string& rig_bytes, const std::strin
          stock + "\n";
 }
 
-inline nlohmann::json read_certificate(const std::filesystem::path& folder) {
-  return nlohmann::json::parse(read_file(folder / "certificate.json"));
-}
-
-inline void write_certificate(const std::filesystem::path& folder, const nlohmann::json& value) {
-  write_file(folder / "certificate.json", value.dump() + "\n");
+inline void write_certificate(const std::filesystem::path& folder, const Certificate& value) {
+  write_file(folder / "certificate.json", canonical_json(value));
 }
 
 // `body`: the program behind its header.
@@ -50,19 +46,18 @@ inline void make_job(const std::filesystem::path& folder, const std::string& bod
   const std::string empty_stl(84, '\0');
   const std::string rig = read_file(shipped_rig_file());
   const std::string program = program_header(rig, empty_stl) + body;
-  nlohmann::json hashes = {{"program", sha256_hex(program)}, {"rig", sha256_hex(rig)}};
+  Certificate certificate;
+  certificate.pass = true;
+  certificate.seconds = 10.5;
+  certificate.sha256 = {{"program", sha256_hex(program)}, {"rig", sha256_hex(rig)}};
   write_file(folder / "program.nc", program);
   write_file(folder / "rig.json", rig);
   for (const char* name : {"initial", "target", "fixture", "reused", "removed", "added"}) {
     write_file(folder / (std::string(name) + ".stl"), empty_stl);
-    hashes[name] = sha256_hex(empty_stl);
+    certificate.sha256[name] = sha256_hex(empty_stl);
   }
   write_file(folder / "plan.json", R"({"format":"reforge-plan 1"})");
-  write_certificate(folder, {{"format", "reforge-certificate 1"},
-                             {"mode", "strict"},
-                             {"verdict", "pass"},
-                             {"seconds", 10.5},
-                             {"sha256", hashes}});
+  write_certificate(folder, certificate);
 }
 
 }  // namespace reforge::testing
