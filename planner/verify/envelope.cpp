@@ -24,7 +24,8 @@ double distance(const Vec3& a, const Vec3& b, double u, double v) {
   const double px = u - a.x(), py = v - a.y();
   const double squared = dx * dx + dy * dy;
   const double t = squared > 0 ? std::clamp((px * dx + py * dy) / squared, 0.0, 1.0) : 0.0;
-  return std::hypot(px - t * dx, py - t * dy);
+  const double ex = px - t * dx, ey = py - t * dy;
+  return std::sqrt(ex * ex + ey * ey);
 }
 
 }  // namespace

@@ -91,7 +91,8 @@ class HolderFloor {
     float highest = kNone;
     for (int b = std::max(0, j - reach); b <= std::min(view_.nv - 1, j + reach); ++b) {
       for (int a = std::max(0, i - reach); a <= std::min(view_.nu - 1, i + reach); ++a) {
-        if (std::hypot(a - i, b - j) * kCoarse > radius) continue;
+        const double squared = (a - i) * (a - i) + (b - j) * (b - j);
+        if (squared * kCoarse * kCoarse > radius * radius) continue;
         highest = std::max(highest, all.top(view_.cell(a, b)));
       }
     }
