@@ -1,0 +1,97 @@
+// The daemon's loop: one object that stands between core, ports, clock, journal and operators.
+//
+// Everything happens in the io_context's thread. daemon_loop.cpp carries out the core's actions and
+// begins and ends the daemon; operator_orders.cpp answers the operators.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "controller/core/sequencer.h"
+#include "controller/daemon.h"
+#include "controller/io/clock.h"
+#include "controller/io/journal.h"
+#include "controller/io/operator_server.h"
+#include "controller/io/rig_ports.h"
+#include "controller/io/virtual_clock.h"
+#include "controller/job_queue.h"
+
+namespace reforge {
+
+// What must exist before the loop, each made or a reason to leave.
+struct DaemonParts {
+  RigDescription rig;
+  std::unique_ptr<CncDevice> cnc;
+  std::unique_ptr<Clock> clock;
+  VirtualClock* virtual_clock = nullptr;  // the clock, when it is virtual
+  journal::Store store;
+  std::vector<journal::StoredJob> jobs;
+  bool rig_left_suspended = false;
+};
+
+class Daemon {
+ public:
+  Daemon(boost::asio::io_context& io, const DaemonConfig& config, DaemonParts parts);
+  Status open_door();
+  DaemonEnd run();
+
+ private:
+  // The core and what it wants.
+  void after_core();
+  void perform(const Send& action) { ports_.perform(action); }
+  void perform(const DropUnsent& action) { ports_.perform(action); }
+  void perform(const Reopen& action) { ports_.perform(action); }
+  void perform(const RequestHorizon& action);
+  void perform(const Acknowledged& action);
+  void perform(const JobChanged& action);
+  void perform(const StateChanged& action);
+  void perform(const Note& action);
+  double machine_s() const;
+
+  // The operators.
+  void obey(Call call);
+  Answer obey_now(const Call& call, api::Params& params);
+  Answer start(JobId job);
+  Answer abort(JobId job, const Peer& peer);
+  Answer order(const OperatorOrder& what);
+  Answer job_and_state(JobId job) const;
+  Answer status(std::optional<std::int64_t> job) const;
+  Answer jobs(const std::optional<std::string>& state) const;
+  api::RigReport rig_report() const;
+
+  void journal_trouble(const std::string& sentence);
+  void tell_progress();
+  void feed_watchdog();
+  void follow_virtual_clock();
+  void begin_end(const std::string& why);
+  void end_when_safe();
+
+  boost::asio::io_context& io_;
+  const DaemonConfig& config_;
+  RigDescription rig_;
+  std::unique_ptr<Clock> clock_;
+  VirtualClock* virtual_clock_;
+  Journal journal_;
+  JobQueue queue_;
+  Sequencer core_;
+  RigPorts ports_;
+  std::unique_ptr<OperatorServer> door_;
+  boost::asio::signal_set signals_;
+  boost::asio::steady_timer progress_timer_;
+  boost::asio::steady_timer watchdog_timer_;
+  boost::asio::steady_timer end_timer_;
+  Instant began_;
+  Instant job_began_{};
+  std::string journal_trouble_;
+  std::string progress_told_;
+  bool performing_ = false;
+  bool ending_ = false;
+  DaemonEnd end_;
+};
+
+}  // namespace reforge
