@@ -17,13 +17,13 @@ constexpr double kOverlap = 0.1;       // mm that infill reaches into the innerm
 constexpr double kSmallestFill = 0.2;  // mm^2
 
 // The line in the middle of a narrow piece: between its two ends, half way from side to side.
-Bead middle_line(const Region& piece, double width) {
+Bead middle_line(const PlaneRegion& piece, double width) {
   const Polyline& outer = piece.rings.front();
   if (piece.rings.size() > 1) {
     // A narrow ring: its outer contour moved in by half the ring's thickness.
     double around = 0;
     for (const Polyline& ring : piece.rings) around += length_of(ring, true);
-    const Region moved = offset({{outer}}, -area(piece) / around);
+    const PlaneRegion moved = offset({{outer}}, -area(piece) / around);
     if (!moved.rings.empty()) return {simplified(moved.rings.front(), kTolerance, true), true};
   }
   size_t end_a = 0, end_b = 0;
@@ -63,7 +63,7 @@ struct Filling {
 
 // Back and forth at 45 or 135 degrees, neighbouring lines joined where the way between them is
 // inside.
-Filling zigzag(const Region& region, bool turned, double spacing) {
+Filling zigzag(const PlaneRegion& region, bool turned, double spacing) {
   Filling filling;
   const double angle = (turned ? 3 : 1) * std::numbers::pi / 4;
   const Vec2 along(std::cos(angle), std::sin(angle)), across(-along.y(), along.x());
@@ -76,7 +76,7 @@ Filling zigzag(const Region& region, bool turned, double spacing) {
       right = std::max(right, along.dot(p));
     }
   }
-  const Region room = offset(region, 2 * kOverlap);
+  const PlaneRegion room = offset(region, 2 * kOverlap);
   struct Stroke {
     Vec2 from, to;
     bool used = false;
@@ -131,8 +131,8 @@ Filling zigzag(const Region& region, bool turned, double spacing) {
 }
 
 // Strokes whose length, links included, is `share` of what would fill the region wholly.
-void fill(const Region& nominal, const Region& region, bool turned, double share, double width,
-          std::vector<Bead>& out) {
+void fill(const PlaneRegion& nominal, const PlaneRegion& region, bool turned, double share,
+          double width, std::vector<Bead>& out) {
   const double wanted = share * area(nominal) / width;
   if (area(nominal) < kSmallestFill) return;
   double spacing = width / share;
@@ -148,17 +148,17 @@ void fill(const Region& nominal, const Region& region, bool turned, double share
 
 }  // namespace
 
-std::vector<Bead> lay_beads(const Region& layer, const Region& solid, bool turned,
+std::vector<Bead> lay_beads(const PlaneRegion& layer, const PlaneRegion& solid, bool turned,
                             const BeadOptions& options) {
   const double w = options.width_mm;
   std::vector<Bead> beads;
-  const Region wide =
+  const PlaneRegion wide =
       common(offset(offset(layer, -kTwoBeadsFrom * w), kTwoBeadsFrom * w + 0.01), layer);
-  const Region narrow = offset(offset(without(layer, wide), -0.02), 0.02);
-  for (const Region& island : islands(wide)) {
+  const PlaneRegion narrow = offset(offset(without(layer, wide), -0.02), 0.02);
+  for (const PlaneRegion& island : islands(wide)) {
     std::vector<std::vector<Bead>> walls;
     for (int k = 0; k < options.walls; ++k) {
-      const Region centre = offset(island, -(k + 0.5) * w);
+      const PlaneRegion centre = offset(island, -(k + 0.5) * w);
       if (centre.empty()) break;
       walls.emplace_back();
       for (const Polyline& ring : centre.rings) {
@@ -172,14 +172,14 @@ std::vector<Bead> lay_beads(const Region& layer, const Region& solid, bool turne
     for (std::vector<Bead>& wall : walls) {
       for (Bead& bead : wall) beads.push_back(std::move(bead));
     }
-    const Region interior = offset(island, -options.walls * w);
-    const Region room = offset(interior, kOverlap);
-    const Region whole = common(interior, solid);
+    const PlaneRegion interior = offset(island, -options.walls * w);
+    const PlaneRegion room = offset(interior, kOverlap);
+    const PlaneRegion whole = common(interior, solid);
     fill(whole, common(offset(whole, kOverlap), room), turned, 1, w, beads);
-    const Region sparse = offset(offset(without(interior, solid), -0.1), 0.1);
+    const PlaneRegion sparse = offset(offset(without(interior, solid), -0.1), 0.1);
     fill(sparse, common(offset(sparse, kOverlap), room), turned, options.infill, w, beads);
   }
-  for (const Region& piece : islands(narrow)) {
+  for (const PlaneRegion& piece : islands(narrow)) {
     if (area(piece) < 0.05) continue;
     Bead bead = middle_line(piece, w);
     if (length_of(bead.line, bead.closed) >= kShortestBead) beads.push_back(std::move(bead));

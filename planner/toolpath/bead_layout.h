@@ -26,7 +26,7 @@ struct BeadOptions {
 
 // `solid` is the part of the layer that is filled wholly (it shows above or below). Beads come
 // island by island, inner walls first.
-std::vector<Bead> lay_beads(const Region& layer, const Region& solid, bool turned,
+std::vector<Bead> lay_beads(const PlaneRegion& layer, const PlaneRegion& solid, bool turned,
                             const BeadOptions& options);
 
 }  // namespace reforge

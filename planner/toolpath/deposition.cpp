@@ -56,7 +56,7 @@ class Depositor {
 
   Deposition run(const std::function<bool()>& interrupted) {
     result_.layers = static_cast<int>(slices_.layers.size());
-    std::vector<Region> printable(slices_.layers.size());
+    std::vector<PlaneRegion> printable(slices_.layers.size());
     find_printable(printable, interrupted);
     for (size_t k = 0; k < printable.size() && !interrupted(); ++k) {
       if (!printable[k].empty()) print(k, printable);
@@ -91,8 +91,8 @@ class Depositor {
   }
 
   // The part of a region where the rule on a map's cells holds.
-  Region where(const HeightMap& map, const Region& within,
-               const std::function<bool(float)>& rule) const {
+  PlaneRegion where(const HeightMap& map, const PlaneRegion& within,
+                    const std::function<bool(float)>& rule) const {
     Vec2 low(1e300, 1e300), high(-1e300, -1e300);
     for (const Polyline& ring : within.rings) {
       for (const Vec2& p : ring) {
@@ -120,12 +120,12 @@ class Depositor {
   }
 
   // The part of layer k that lies on `below` or on ground.
-  Region carried_part(size_t k, const Region& layer, const Region& below) const {
+  PlaneRegion carried_part(size_t k, const PlaneRegion& layer, const PlaneRegion& below) const {
     if (layer.empty()) return layer;
     const double height = slices_.layer_height, tip = slices_.top_of(k);
-    Region carried = below.empty() ? Region{} : common(layer, offset(below, kOverhang));
+    PlaneRegion carried = below.empty() ? PlaneRegion{} : common(layer, offset(below, kOverhang));
     if (area(layer) - area(carried) < kSmallestPiece) return carried;
-    const Region on_ground = where(ground_, layer, [&](float top) {
+    const PlaneRegion on_ground = where(ground_, layer, [&](float top) {
       return top > tip - height - kGroundReach && top < tip + kGroundReach;
     });
     if (on_ground.empty()) return carried;
@@ -134,13 +134,14 @@ class Depositor {
 
   // Fills `printable`. What hangs counts as unsupported; what only hangs because the nozzle could
   // not lay what is below it counts as blocked.
-  void find_printable(std::vector<Region>& printable, const std::function<bool()>& interrupted) {
-    Region carried;
+  void find_printable(std::vector<PlaneRegion>& printable,
+                      const std::function<bool()>& interrupted) {
+    PlaneRegion carried;
     for (size_t k = 0; k < slices_.layers.size() && !interrupted(); ++k) {
-      const Region& layer = slices_.layers[k];
+      const PlaneRegion& layer = slices_.layers[k];
       carried = carried_part(k, layer, carried);
       result_.unsupported_mm3 += (area(layer) - area(carried)) * slices_.layer_height;
-      const Region below = k > 0 ? printable[k - 1] : Region{};
+      const PlaneRegion below = k > 0 ? printable[k - 1] : PlaneRegion{};
       printable[k] = carried_part(k, carried, below);
       if (!printable[k].empty()) {
         const double tip = slices_.top_of(k);
@@ -153,20 +154,20 @@ class Depositor {
 
   // What shows within a few layers above or below; what rests on ground or lies under it does not
   // show.
-  Region solid_part(size_t k, const std::vector<Region>& printable) const {
-    Region covered = printable[k];
+  PlaneRegion solid_part(size_t k, const std::vector<PlaneRegion>& printable) const {
+    PlaneRegion covered = printable[k];
     for (int d = 1; d <= options_.solid_layers && !covered.empty(); ++d) {
       const size_t above = k + static_cast<size_t>(d);
-      covered = above < printable.size() ? common(covered, printable[above]) : Region{};
+      covered = above < printable.size() ? common(covered, printable[above]) : PlaneRegion{};
     }
-    Region shows = without(printable[k], covered);
+    PlaneRegion shows = without(printable[k], covered);
     if (k == 0) return printable[k];  // a whole layer for the hold on the ground
-    Region carried = printable[k];
+    PlaneRegion carried = printable[k];
     for (int d = 1; d <= options_.solid_layers && !carried.empty(); ++d) {
       if (static_cast<size_t>(d) > k) break;
       carried = common(carried, offset(printable[k - static_cast<size_t>(d)], 0.05));
     }
-    Region hangs = without(printable[k], carried);
+    PlaneRegion hangs = without(printable[k], carried);
     if (!hangs.empty()) {
       const double bottom = slices_.top_of(k) - slices_.layer_height;
       const double reach = options_.solid_layers * slices_.layer_height;
@@ -176,12 +177,12 @@ class Depositor {
     return united(shows, hangs);
   }
 
-  void print(size_t k, const std::vector<Region>& printable) {
+  void print(size_t k, const std::vector<PlaneRegion>& printable) {
     const Extrusion& e = options_.extrusion;
-    const Region solid = solid_part(k, printable);
+    const PlaneRegion solid = solid_part(k, printable);
     const BeadOptions beads{e.bead_width_mm, e.infill, options_.walls};
     std::vector<Bead> layer = lay_beads(printable[k], solid, k % 2 == 1, beads);
-    const Region interior = offset(printable[k], -options_.walls * e.bead_width_mm);
+    const PlaneRegion interior = offset(printable[k], -options_.walls * e.bead_width_mm);
     const double whole = area(common(interior, solid));
     result_.planned_mm3 += slices_.layer_height * (area(printable[k]) - area(interior) + whole +
                                                    e.infill * (area(interior) - whole));

@@ -29,7 +29,7 @@ using Line3 = std::vector<Vec3>;
 class Finisher {
  public:
   Finisher(const MillingOptions& options, const Surroundings& solids,
-           const std::vector<SurfaceSample>& samples, const std::vector<char>& wanted,
+           const std::vector<MachinedSample>& samples, const std::vector<char>& wanted,
            const std::function<bool()>& interrupted, BlockStock& stock, std::vector<char>& done)
       : options_(options),
         samples_(samples),
@@ -63,7 +63,7 @@ class Finisher {
   };
 
   // Where the ball's tip is when it touches a sample.
-  Vec3 tip_at(const SurfaceSample& s) const {
+  Vec3 tip_at(const MachinedSample& s) const {
     return frame_.to_local(s.point + ball_ * s.normal) - Vec3(0, 0, ball_);
   }
 
@@ -246,7 +246,7 @@ class Finisher {
     const OffsetSurface::Contact contact = floor_.part().contact(tip.x(), tip.y());
     const auto mark = [&](const Vec3& normal) {
       index_.near(centre - ball_ * normal, normal, [&](int i) {
-        const SurfaceSample& s = samples_[i];
+        const MachinedSample& s = samples_[i];
         const double gap = (s.point - centre).norm() - ball_;
         if (gap < 0.08 && (s.point - (centre - ball_ * normal)).norm() < kPassed) done_[i] = 1;
       });
@@ -395,7 +395,7 @@ class Finisher {
         nodes[i] = near[i] && allowed(grid.node(c, r));
       }
     }
-    const Region region = region_where(grid, nodes, allowed);
+    const PlaneRegion region = region_where(grid, nodes, allowed);
     for (const Polyline& ring : region.rings) wanted_parts(ring, z, out);
   }
 
@@ -445,7 +445,7 @@ class Finisher {
   }
 
   const MillingOptions& options_;
-  const std::vector<SurfaceSample>& samples_;
+  const std::vector<MachinedSample>& samples_;
   const std::vector<char>& wanted_;
   const std::function<bool()>& interrupted_;
   const Frame frame_;
@@ -462,13 +462,13 @@ class Finisher {
 }  // namespace
 
 std::vector<Path> finish(const MillingOptions& options, const Surroundings& solids,
-                         const std::vector<SurfaceSample>& samples, const std::vector<char>& wanted,
-                         const std::function<bool()>& interrupted, BlockStock& stock,
-                         std::vector<char>& done) {
+                         const std::vector<MachinedSample>& samples,
+                         const std::vector<char>& wanted, const std::function<bool()>& interrupted,
+                         BlockStock& stock, std::vector<char>& done) {
   return Finisher(options, solids, samples, wanted, interrupted, stock, done).run();
 }
 
-bool touchable(const SurfaceSample& sample, const Frame& frame, const TipFloor& floor,
+bool touchable(const MachinedSample& sample, const Frame& frame, const TipFloor& floor,
                const Clearance& obstacles, double ball_radius_mm) {
   const Vec3 tip =
       frame.to_local(sample.point + ball_radius_mm * sample.normal) - Vec3(0, 0, ball_radius_mm);

@@ -20,13 +20,13 @@ namespace reforge {
 // Finishes the samples marked in `wanted` as far as this direction can; what was passed is marked
 // in `done`.
 std::vector<Path> finish(const MillingOptions& options, const Surroundings& solids,
-                         const std::vector<SurfaceSample>& samples, const std::vector<char>& wanted,
-                         const std::function<bool()>& interrupted, BlockStock& stock,
-                         std::vector<char>& done);
+                         const std::vector<MachinedSample>& samples,
+                         const std::vector<char>& wanted, const std::function<bool()>& interrupted,
+                         BlockStock& stock, std::vector<char>& done);
 
 // Whether a ball touching the surface at the sample, coming along the frame's tool, is clear of
 // V_R, fixture and base, and its holder of `obstacles`.
-bool touchable(const SurfaceSample& sample, const Frame& frame, const TipFloor& floor,
+bool touchable(const MachinedSample& sample, const Frame& frame, const TipFloor& floor,
                const Clearance& obstacles, double ball_radius_mm);
 
 }  // namespace reforge

@@ -18,7 +18,7 @@ class Tracer {
          const std::function<bool(const Vec2&)>& rule)
       : grid_(grid), at_node_(at_node), rule_(rule) {}
 
-  Region trace() {
+  PlaneRegion trace() {
     for (int row = 0; row + 1 < grid_.rows; ++row) {
       for (int column = 0; column + 1 < grid_.columns; ++column) march(column, row);
     }
@@ -120,8 +120,8 @@ PlaneGrid PlaneGrid::covering(const Vec2& low, const Vec2& high, double pitch) {
   return grid;
 }
 
-Region region_where(const PlaneGrid& grid, const std::vector<char>& at_node,
-                    const std::function<bool(const Vec2&)>& rule) {
+PlaneRegion region_where(const PlaneGrid& grid, const std::vector<char>& at_node,
+                         const std::function<bool(const Vec2&)>& rule) {
   assert(at_node.size() == grid.size());
   return Tracer(grid, at_node, rule).trace();
 }

@@ -26,7 +26,7 @@ struct PlaneGrid {
 };
 
 // `at_node` is the rule at the nodes (grid.index), `rule` anywhere.
-Region region_where(const PlaneGrid& grid, const std::vector<char>& at_node,
-                    const std::function<bool(const Vec2&)>& rule);
+PlaneRegion region_where(const PlaneGrid& grid, const std::vector<char>& at_node,
+                         const std::function<bool(const Vec2&)>& rule);
 
 }  // namespace reforge

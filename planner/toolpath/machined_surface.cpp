@@ -81,9 +81,9 @@ class Inside {
 
 }  // namespace
 
-std::vector<SurfaceSample> machined_surface(const TriangleMesh& reused, const TriangleMesh& removed,
-                                            double spacing_mm) {
-  std::vector<SurfaceSample> samples;
+std::vector<MachinedSample> machined_surface(const TriangleMesh& reused,
+                                             const TriangleMesh& removed, double spacing_mm) {
+  std::vector<MachinedSample> samples;
   if (removed.empty()) return samples;
   const Inside in_removed(removed);
   // Fine meshes would give many samples to a place: one for each small cube and main direction.
@@ -114,15 +114,15 @@ std::vector<SurfaceSample> machined_surface(const TriangleMesh& reused, const Tr
   return samples;
 }
 
-SampleIndex::SampleIndex(const std::vector<SurfaceSample>& samples, double reach_mm)
+SampleIndex::SampleIndex(const std::vector<MachinedSample>& samples, double reach_mm)
     : samples_(&samples), reach_(reach_mm) {
   if (samples.empty()) return;
   Box3 box;
-  for (const SurfaceSample& s : samples) box.extend(s.point);
+  for (const MachinedSample& s : samples) box.extend(s.point);
   origin_ = box.min();
   for (int k = 0; k < 3; ++k) size_[k] = static_cast<int>(box.sizes()[k] / reach_) + 1;
   start_.assign(static_cast<size_t>(size_[0]) * size_[1] * size_[2] + 1, 0);
-  for (const SurfaceSample& s : samples) ++start_[bucket(cell_of(s.point)) + 1];
+  for (const MachinedSample& s : samples) ++start_[bucket(cell_of(s.point)) + 1];
   for (size_t b = 1; b < start_.size(); ++b) start_[b] += start_[b - 1];
   order_.resize(samples.size());
   std::vector<int> at(start_);

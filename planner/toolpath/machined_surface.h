@@ -9,19 +9,19 @@
 
 namespace reforge {
 
-struct SurfaceSample {
+struct MachinedSample {
   Vec3 point;
   Vec3 normal;  // out of V_R
 };
 
 // About one sample each `spacing_mm`.
-std::vector<SurfaceSample> machined_surface(const TriangleMesh& reused, const TriangleMesh& removed,
-                                            double spacing_mm);
+std::vector<MachinedSample> machined_surface(const TriangleMesh& reused,
+                                             const TriangleMesh& removed, double spacing_mm);
 
 // Nearest samples by buckets.
 class SampleIndex {
  public:
-  SampleIndex(const std::vector<SurfaceSample>& samples, double reach_mm);
+  SampleIndex(const std::vector<MachinedSample>& samples, double reach_mm);
   // Calls visit(sample number) for every sample within reach of the point whose normal is within 60
   // degrees.
   template <typename Visit>
@@ -31,7 +31,7 @@ class SampleIndex {
           bucket(cell_of(point) + Eigen::Vector3i(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
       if (b == kOutside) continue;
       for (int i = start_[b]; i < start_[b + 1]; ++i) {
-        const SurfaceSample& s = (*samples_)[order_[i]];
+        const MachinedSample& s = (*samples_)[order_[i]];
         if ((s.point - point).squaredNorm() <= reach_ * reach_ && s.normal.dot(normal) > 0.5) {
           visit(order_[i]);
         }
@@ -44,7 +44,7 @@ class SampleIndex {
   Eigen::Vector3i cell_of(const Vec3& point) const;
   size_t bucket(const Eigen::Vector3i& cell) const;
 
-  const std::vector<SurfaceSample>* samples_;
+  const std::vector<MachinedSample>* samples_;
   double reach_;
   Vec3 origin_ = Vec3::Zero();
   Eigen::Vector3i size_ = Eigen::Vector3i::Zero();

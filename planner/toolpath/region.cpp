@@ -43,8 +43,8 @@ Polyline to_line(const Path& path) {
   return line;
 }
 
-Region to_region(const Paths& paths) {
-  Region region;
+PlaneRegion to_region(const Paths& paths) {
+  PlaneRegion region;
   for (const Path& path : paths) {
     if (path.size() < 3) continue;
     Polyline ring = to_line(path);
@@ -53,8 +53,8 @@ Region to_region(const Paths& paths) {
   return region;
 }
 
-Region combined(const std::vector<Polyline>& a, const std::vector<Polyline>& b,
-                ClipperLib::ClipType type) {
+PlaneRegion combined(const std::vector<Polyline>& a, const std::vector<Polyline>& b,
+                     ClipperLib::ClipType type) {
   Clipper clipper;
   clipper.AddPaths(to_paths(a), ClipperLib::ptSubject, true);
   clipper.AddPaths(to_paths(b), ClipperLib::ptClip, true);
@@ -63,8 +63,8 @@ Region combined(const std::vector<Polyline>& a, const std::vector<Polyline>& b,
   return to_region(result);
 }
 
-void collect_islands(const ClipperLib::PolyNode& outer, std::vector<Region>& out) {
-  Region island;
+void collect_islands(const ClipperLib::PolyNode& outer, std::vector<PlaneRegion>& out) {
+  PlaneRegion island;
   island.rings.push_back(to_line(outer.Contour));
   for (const auto* hole : outer.Childs) {
     island.rings.push_back(to_line(hole->Contour));
@@ -113,7 +113,7 @@ double signed_area(const Polyline& ring) {
   return twice / 2;
 }
 
-double area(const Region& region) {
+double area(const PlaneRegion& region) {
   double sum = 0;
   for (const Polyline& ring : region.rings) sum += signed_area(ring);
   return sum;
@@ -126,20 +126,20 @@ double length_of(const Polyline& line, bool closed) {
   return sum;
 }
 
-Region united(const std::vector<Polyline>& rings) {
+PlaneRegion united(const std::vector<Polyline>& rings) {
   return combined(rings, {}, ClipperLib::ctUnion);
 }
-Region united(const Region& a, const Region& b) {
+PlaneRegion united(const PlaneRegion& a, const PlaneRegion& b) {
   return combined(a.rings, b.rings, ClipperLib::ctUnion);
 }
-Region common(const Region& a, const Region& b) {
+PlaneRegion common(const PlaneRegion& a, const PlaneRegion& b) {
   return combined(a.rings, b.rings, ClipperLib::ctIntersection);
 }
-Region without(const Region& a, const Region& b) {
+PlaneRegion without(const PlaneRegion& a, const PlaneRegion& b) {
   return combined(a.rings, b.rings, ClipperLib::ctDifference);
 }
 
-Region offset(const Region& region, double by) {
+PlaneRegion offset(const PlaneRegion& region, double by) {
   ClipperLib::ClipperOffset clipper(2, kArcTolerance * kUnitsPerMm);
   clipper.AddPaths(to_paths(region.rings), ClipperLib::jtRound, ClipperLib::etClosedPolygon);
   Paths result;
@@ -147,7 +147,7 @@ Region offset(const Region& region, double by) {
   return to_region(result);
 }
 
-std::vector<Polyline> inside(const std::vector<Polyline>& lines, const Region& region) {
+std::vector<Polyline> inside(const std::vector<Polyline>& lines, const PlaneRegion& region) {
   // One line at a time: Clipper does not keep the order of several.
   std::vector<Polyline> pieces;
   const Paths clip = to_paths(region.rings);
@@ -175,7 +175,7 @@ std::vector<Polyline> inside(const std::vector<Polyline>& lines, const Region& r
   return pieces;
 }
 
-bool contains(const Region& region, const Vec2& p) {
+bool contains(const PlaneRegion& region, const Vec2& p) {
   bool in = false;
   for (const Polyline& ring : region.rings) {
     for (size_t i = 0, j = ring.size() - 1; i < ring.size(); j = i++) {
@@ -189,16 +189,16 @@ bool contains(const Region& region, const Vec2& p) {
   return in;
 }
 
-Region rectangle(const Vec2& low, const Vec2& high) {
+PlaneRegion rectangle(const Vec2& low, const Vec2& high) {
   return {{{low, {high.x(), low.y()}, high, {low.x(), high.y()}}}};
 }
 
-std::vector<Region> islands(const Region& region) {
+std::vector<PlaneRegion> islands(const PlaneRegion& region) {
   Clipper clipper;
   clipper.AddPaths(to_paths(region.rings), ClipperLib::ptSubject, true);
   PolyTree tree;
   clipper.Execute(ClipperLib::ctUnion, tree, ClipperLib::pftNonZero, ClipperLib::pftNonZero);
-  std::vector<Region> out;
+  std::vector<PlaneRegion> out;
   for (const auto* outer : tree.Childs) collect_islands(*outer, out);
   return out;
 }

@@ -14,30 +14,30 @@ namespace reforge {
 using Vec2 = Eigen::Vector2d;
 using Polyline = std::vector<Vec2>;  // open, or a ring whose last point is not repeated
 
-struct Region {
+struct PlaneRegion {
   std::vector<Polyline> rings;
   bool empty() const { return rings.empty(); }
 };
 
 double signed_area(const Polyline& ring);
-double area(const Region& region);
+double area(const PlaneRegion& region);
 double length_of(const Polyline& line, bool closed);
 
 // Rings of any orientation and crossing, by the non-zero rule.
-Region united(const std::vector<Polyline>& rings);
-Region united(const Region& a, const Region& b);
-Region common(const Region& a, const Region& b);
-Region without(const Region& a, const Region& b);
+PlaneRegion united(const std::vector<Polyline>& rings);
+PlaneRegion united(const PlaneRegion& a, const PlaneRegion& b);
+PlaneRegion common(const PlaneRegion& a, const PlaneRegion& b);
+PlaneRegion without(const PlaneRegion& a, const PlaneRegion& b);
 // Grown (by > 0) or shrunk, corners rounded to within 0.005 mm.
-Region offset(const Region& region, double by);
+PlaneRegion offset(const PlaneRegion& region, double by);
 // Open lines: the pieces inside the region, in the order of the lines.
-std::vector<Polyline> inside(const std::vector<Polyline>& lines, const Region& region);
+std::vector<Polyline> inside(const std::vector<Polyline>& lines, const PlaneRegion& region);
 
-bool contains(const Region& region, const Vec2& point);
-Region rectangle(const Vec2& low, const Vec2& high);
+bool contains(const PlaneRegion& region, const Vec2& point);
+PlaneRegion rectangle(const Vec2& low, const Vec2& high);
 
 // Outer rings each with its own holes.
-std::vector<Region> islands(const Region& region);
+std::vector<PlaneRegion> islands(const PlaneRegion& region);
 
 // Fewer points, none of the dropped ones farther than `tolerance` from the line that remains.
 Polyline simplified(const Polyline& line, double tolerance, bool closed);

@@ -33,9 +33,9 @@ class Level {
   // Contours in the order of their offsets, cut down to what they would remove.
   std::vector<Piece> contours() const {
     std::vector<Piece> pieces;
-    const Region need = rest_region();
+    const PlaneRegion need = rest_region();
     if (need.empty()) return pieces;
-    Region region =
+    PlaneRegion region =
         common(allowed_near(need), offset(need, options_.cutter.ball_radius_mm * kOverEdge));
     for (int k = 0; k < 10000; ++k) {
       region = offset(region, k == 0 ? -1e-3 : -options_.stepover_mm);
@@ -75,7 +75,7 @@ class Level {
     return clearance_.holder_floor(p.x(), p.y()) <= z_ && floor_.allows(p.x(), p.y(), z_);
   }
 
-  Region rest_region() const {
+  PlaneRegion rest_region() const {
     const HeightGrid& g = stock_.grid();
     PlaneGrid grid;
     grid.pitch = g.pitch_mm;
@@ -97,7 +97,7 @@ class Level {
   }
 
   // Where the tip may be at this height, exact near `need` and empty far from it.
-  Region allowed_near(const Region& need) const {
+  PlaneRegion allowed_near(const PlaneRegion& need) const {
     Vec2 low(1e300, 1e300), high(-1e300, -1e300);
     for (const Polyline& ring : need.rings) {
       for (const Vec2& p : ring) {

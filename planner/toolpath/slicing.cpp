@@ -30,7 +30,7 @@ class Section {
     next_.emplace(out, in);
   }
 
-  Region close() {
+  PlaneRegion close() {
     std::vector<Polyline> rings;
     while (!next_.empty()) {
       Polyline ring;
@@ -93,7 +93,7 @@ Slices slice(const TriangleMesh& solid, const Frame& frame, double layer_height_
   return slices;
 }
 
-Region section(const TriangleMesh& solid, const Frame& frame, double height) {
+PlaneRegion section(const TriangleMesh& solid, const Frame& frame, double height) {
   const std::vector<Vec3> at = in_frame(solid, frame);
   Section cut(at, height);
   for (const auto& t : solid.triangles) cut.add(t);

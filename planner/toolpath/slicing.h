@@ -14,7 +14,7 @@ namespace reforge {
 struct Slices {
   double base = 0;  // height of the lowest point
   double layer_height = 0;
-  std::vector<Region> layers;
+  std::vector<PlaneRegion> layers;
   double top_of(size_t layer) const {
     return base + (static_cast<double>(layer) + 1) * layer_height;
   }
@@ -23,6 +23,6 @@ struct Slices {
 Slices slice(const TriangleMesh& solid, const Frame& frame, double layer_height_mm);
 
 // The section of a solid at one height along the frame.
-Region section(const TriangleMesh& solid, const Frame& frame, double height);
+PlaneRegion section(const TriangleMesh& solid, const Frame& frame, double height);
 
 }  // namespace reforge

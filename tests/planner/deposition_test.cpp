@@ -40,14 +40,14 @@ TEST(Slicing, BoxGivesItsSectionInEveryLayer) {
   ASSERT_EQ(slices.layers.size(), 10u);
   EXPECT_NEAR(slices.base, 5, 1e-12);
   EXPECT_NEAR(slices.top_of(0), 5.2, 1e-12);
-  for (const Region& layer : slices.layers) EXPECT_NEAR(area(layer), 40, 1e-3);
+  for (const PlaneRegion& layer : slices.layers) EXPECT_NEAR(area(layer), 40, 1e-3);
 }
 
 TEST(Slicing, VolumeOfSlicesIsThatOfTheSolid) {
   const TriangleMesh bar = make_cylinder({0, 0, 0}, {10, 5, 8}, 4, 60);
   const Slices slices = slice(bar, kUp, 0.2);
   double sum = 0;
-  for (const Region& layer : slices.layers) sum += area(layer) * 0.2;
+  for (const PlaneRegion& layer : slices.layers) sum += area(layer) * 0.2;
   EXPECT_NEAR(sum / volume(bar), 1, 0.003);
 }
 
@@ -57,7 +57,7 @@ TEST(Slicing, SidewaysFrameCutsAcross) {
 }
 
 TEST(BeadLayout, WallsAndInfillFillTheirShare) {
-  const Region square = rectangle({0, 0}, {20, 20});
+  const PlaneRegion square = rectangle({0, 0}, {20, 20});
   const BeadOptions options;
   const double inside = 18 * 18;
   const double sparse = length_at(lay_beads(square, {}, false, options)) * 0.5;

@@ -15,7 +15,7 @@ using namespace milling_checks;
 
 struct Finished {
   std::vector<Path> paths;
-  std::vector<SurfaceSample> samples;
+  std::vector<MachinedSample> samples;
   std::vector<char> done;
   double share_done(const std::vector<char>& of) const {
     int all = 0, passed = 0;
@@ -45,7 +45,7 @@ Finished finished(const TriangleMesh& initial, const TriangleMesh& reused,
   const TipFloor floor(solids, frame, options, 0);
   const Clearance clearance(block.standing(), options.cutter);
   touchables.clear();
-  for (const SurfaceSample& s : result.samples) {
+  for (const MachinedSample& s : result.samples) {
     touchables.push_back(touchable(s, frame, floor, clearance, options.cutter.ball_radius_mm));
   }
   result.paths = finish(options, solids, result.samples, touchables, go_on, block, result.done);
@@ -90,7 +90,7 @@ TEST(MachinedSurface, IsOnlyWhereMaterialWasTaken) {
   const TriangleMesh lower = make_box({0, 0, 0}, {20, 20, 12});
   const auto samples = machined_surface(lower, make_box({0, 0, 12}, {20, 20, 20}), 0.5);
   ASSERT_GT(samples.size(), 1000u);
-  for (const SurfaceSample& s : samples) {
+  for (const MachinedSample& s : samples) {
     EXPECT_NEAR(s.point.z(), 12, 1e-9);
     EXPECT_NEAR(s.normal.z(), 1, 1e-9);
   }

@@ -8,7 +8,7 @@ namespace reforge {
 namespace {
 
 TEST(Region, AreasOfHolesAreTakenAway) {
-  const Region plate = without(rectangle({0, 0}, {10, 10}), rectangle({2, 2}, {4, 5}));
+  const PlaneRegion plate = without(rectangle({0, 0}, {10, 10}), rectangle({2, 2}, {4, 5}));
   EXPECT_NEAR(area(plate), 94, 1e-6);
   EXPECT_TRUE(contains(plate, {1, 1}));
   EXPECT_FALSE(contains(plate, {3, 3}));
@@ -20,14 +20,14 @@ TEST(Region, ShrinkingASquareMovesEverySide) {
 }
 
 TEST(Region, IslandsKeepTheirHoles) {
-  const Region ring = without(rectangle({0, 0}, {10, 10}), rectangle({3, 3}, {7, 7}));
-  const std::vector<Region> parts = islands(united(ring, rectangle({20, 0}, {21, 1})));
+  const PlaneRegion ring = without(rectangle({0, 0}, {10, 10}), rectangle({3, 3}, {7, 7}));
+  const std::vector<PlaneRegion> parts = islands(united(ring, rectangle({20, 0}, {21, 1})));
   ASSERT_EQ(parts.size(), 2u);
   EXPECT_NEAR(area(parts[0]) + area(parts[1]), 85, 1e-6);
 }
 
 TEST(Region, LinesAreCutInOrderAndKeepTheirSense) {
-  const Region two = united(rectangle({0, 0}, {1, 1}), rectangle({2, 0}, {3, 1}));
+  const PlaneRegion two = united(rectangle({0, 0}, {1, 1}), rectangle({2, 0}, {3, 1}));
   const auto pieces = inside({{{4, 0.5}, {-1, 0.5}}}, two);
   ASSERT_EQ(pieces.size(), 2u);
   EXPECT_NEAR(pieces[0].front().x(), 3, 1e-4);
@@ -51,7 +51,7 @@ TEST(LevelRegion, DiscHasItsAreaAndItsHole) {
   for (int r = 0; r < grid.rows; ++r) {
     for (int c = 0; c < grid.columns; ++c) nodes[grid.index(c, r)] = rule(grid.node(c, r));
   }
-  const Region ring = region_where(grid, nodes, rule);
+  const PlaneRegion ring = region_where(grid, nodes, rule);
   EXPECT_EQ(ring.rings.size(), 2u);
   EXPECT_NEAR(area(ring), 3.14159265 * 21, 0.2);
   for (const Polyline& line : ring.rings) {
