@@ -34,7 +34,8 @@ int main(int argc, char** argv) {
     return fail("configure");
   }
   if (mode == "lower-dtr" && sp_set_dtr(port, SP_DTR_OFF) != SP_OK) return fail("dtr");
-  if (sp_blocking_write(port, "hello\n", 6, 1000) != 6) return fail("write");
+  const int written = sp_blocking_write(port, "hello\n", 6, 1000);  // bytes, or an error below 0
+  if (written != 6) return fail("write");
   std::string answer;
   while (answer.find('\n') == std::string::npos) {
     std::array<char, 64> bytes;
