@@ -44,15 +44,13 @@ class Finisher {
         stock_(stock),
         done_(done) {}
 
-  std::vector<Path> run() {
-    std::vector<Path> paths;
+  void run(std::vector<Path>& paths) {
     measure();
-    if (shallow_box_.isEmpty() && steep_box_.isEmpty()) return paths;
+    if (shallow_box_.isEmpty() && steep_box_.isEmpty()) return;
     PathWriter writer(stock_, clearance_, paths);
     std::vector<Line3> lines = raster();
     follow_all(std::move(lines), writer);
     follow_contours(contours(), writer);
-    return paths;
   }
 
  private:
@@ -461,11 +459,11 @@ class Finisher {
 
 }  // namespace
 
-std::vector<Path> finish(const MillingOptions& options, const Surroundings& solids,
-                         const std::vector<MachinedSample>& samples,
-                         const std::vector<char>& wanted, const std::function<bool()>& interrupted,
-                         BlockStock& stock, std::vector<char>& done) {
-  return Finisher(options, solids, samples, wanted, interrupted, stock, done).run();
+void finish(const MillingOptions& options, const Surroundings& solids,
+            const std::vector<MachinedSample>& samples, const std::vector<char>& wanted,
+            const std::function<bool()>& interrupted, BlockStock& stock, std::vector<char>& done,
+            std::vector<Path>& paths) {
+  Finisher(options, solids, samples, wanted, interrupted, stock, done).run(paths);
 }
 
 bool touchable(const MachinedSample& sample, const Frame& frame, const TipFloor& floor,

@@ -19,10 +19,11 @@ namespace reforge {
 
 // Finishes the samples marked in `wanted` as far as this direction can; what was passed is marked
 // in `done`.
-std::vector<Path> finish(const MillingOptions& options, const Surroundings& solids,
-                         const std::vector<MachinedSample>& samples,
-                         const std::vector<char>& wanted, const std::function<bool()>& interrupted,
-                         BlockStock& stock, std::vector<char>& done);
+// Paths are appended, linked to those before.
+void finish(const MillingOptions& options, const Surroundings& solids,
+            const std::vector<MachinedSample>& samples, const std::vector<char>& wanted,
+            const std::function<bool()>& interrupted, BlockStock& stock, std::vector<char>& done,
+            std::vector<Path>& paths);
 
 // Whether a ball touching the surface at the sample, coming along the frame's tool, is clear of
 // V_R, fixture and base, and its holder of `obstacles`.

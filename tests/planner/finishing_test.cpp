@@ -48,7 +48,7 @@ Finished finished(const TriangleMesh& initial, const TriangleMesh& reused,
   for (const MachinedSample& s : result.samples) {
     touchables.push_back(touchable(s, frame, floor, clearance, options.cutter.ball_radius_mm));
   }
-  result.paths = finish(options, solids, result.samples, touchables, go_on, block, result.done);
+  finish(options, solids, result.samples, touchables, go_on, block, result.done, result.paths);
   return result;
 }
 

@@ -1,0 +1,29 @@
+// From which directions V_S is milled, and in what order.
+//
+// Purpose: the base directions (+z, ±x, ±y) as far as each helps, then further directions by what
+// they add, until what is left cannot be reached or is not worth a turn of the table. Source:
+// paper, section 6 ("roughing along the four directions ... for the remaining volumes additional
+// directions"). Units: mm, part frame. Method: for a direction, the lowest surface that ball and
+// holder can sweep over V_R, fixture and base, on a height map; what lies above it can be removed.
+// Greedy by volume, then by surface still unfinished: a set cover within ln n of the fewest, not
+// the fewest. Limits: the holder is tested against V_R and fixture, not against stock that other
+// blocks remove; map pitch 0.6 mm.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "planner/toolpath/machined_surface.h"
+#include "planner/toolpath/milling.h"
+
+namespace reforge {
+
+// `further` are directions known to help (ReusePlan::cutter_directions); `reachable` rejects those
+// that the machine cannot turn to.
+std::vector<Vec3> milling_directions(const MillingOptions& options, const Surroundings& solids,
+                                     const PartStock& stock,
+                                     const std::vector<MachinedSample>& surface,
+                                     const std::vector<Vec3>& further,
+                                     const std::function<bool(const Vec3&)>& reachable);
+
+}  // namespace reforge
