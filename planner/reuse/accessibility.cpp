@@ -47,9 +47,20 @@ std::vector<Vec3> hemisphere_directions(int count) {
 
 std::vector<Vec3> ball_centres(const SurfaceSample& sample, bool reused_goes,
                                double ball_radius_mm) {
-  const Vec3 offset = ball_radius_mm * sample.normal;
-  if (sample.borders_reused() && !reused_goes) return {sample.position + offset};
-  return {sample.position + offset, sample.position - offset};
+  std::vector<Vec3> centres;
+  const Frame frame = Frame::along(sample.normal);
+  const bool either_side = !sample.borders_reused() || reused_goes;
+  for (const double side : {1.0, -1.0}) {
+    if (side < 0 && !either_side) break;
+    const Vec3 centre = sample.position + side * ball_radius_mm * sample.normal;
+    centres.push_back(centre);
+    for (int k = 0; k < 8; ++k) {
+      const double turn = k * std::numbers::pi / 4;
+      centres.push_back(centre +
+                        ball_radius_mm * (std::cos(turn) * frame.u + std::sin(turn) * frame.v));
+    }
+  }
+  return centres;
 }
 
 DirectionalReach::DirectionalReach(const Vec3& direction,
@@ -89,7 +100,9 @@ ReachTable reach_table(const std::vector<SurfaceSample>& samples, const BitSet& 
       for (std::size_t i = 0; i < samples.size(); ++i) {
         for (const Vec3& centre :
              ball_centres(samples[i], reused_goes.test(i), tools.ball_radius_mm)) {
-          if (reach.cutter_reaches(centre)) table.cutter[d].set(i);
+          if (!reach.cutter_reaches(centre)) continue;
+          table.cutter[d].set(i);
+          break;
         }
         if (reach.nozzle_reaches(samples[i].position)) table.nozzle[d].set(i);
       }

@@ -2,9 +2,11 @@
 // its misprint mended: a point is inaccessible if from every direction something is in the way).
 //
 // Cutter: its ball touches the point from the side the normal points to: centre c = p + r n. On
-// borders
-//   of matter that is removed altogether the ball may as well come from within, c = p - r n. The
-//   tool collides if its stack above the ball meets the obstacles; its tip may not lie below z = 0.
+//   borders of matter that is removed altogether the ball may as well come from within, c = p - r
+//   n. No ball touches every point of a hollow corner: a sample also counts as reached if the ball
+//   comes within (sqrt 2 - 1) r of it, what it leaves in a square corner: c = p + r n + r t, t
+//   along the surface. The tool collides if its stack above the ball meets the obstacles; its tip
+//   may not lie below z = 0.
 // Nozzle: its tip is at the point; the tip may not lie below z = 0.
 // Obstacles: V_R; in strict mode also pedestal and table. Tools count as upward closed
 // (height_map.h). Exactness: obstacles are sampled at grid cells `pitch_mm` wide, and a tool stands
@@ -35,7 +37,7 @@ ToolBodies tool_bodies(const RigDescription& rig, Mode mode);
 // +z, the four horizontal axes, and `count` directions spread evenly over the upper hemisphere.
 std::vector<Vec3> hemisphere_directions(int count);
 
-// Centres the ball may have when it touches a sample: one, or two where either side will do.
+// Centres the ball may have when it touches a sample, exactly or as nearly as in a corner.
 std::vector<Vec3> ball_centres(const SurfaceSample& sample, bool reused_goes,
                                double ball_radius_mm);
 

@@ -10,8 +10,10 @@
 namespace reforge {
 namespace {
 
+constexpr double kBelowBase = 1e-6;    // mm of rounding allowed under z = 0
 constexpr double kBelowPoints = 0.02;  // mm a plane stays below the points it must take
 constexpr double kCapSpacing = 1.5;    // mm
+constexpr double kFixturePitch = 1;    // mm
 constexpr double kFixtureSpacing = 3;  // mm
 constexpr std::size_t kLeaning = 12;   // directions tried for milling a cap, besides its normal
 
@@ -61,6 +63,11 @@ ClippingModel::ClippingModel(const TriangleMesh& reused, double pitch_mm, const 
   }
   const BitSet none(samples_.size());
   for (const Vec3& direction : directions_) projections_.push_back(project(direction, none));
+  if (fixture.empty()) return;
+  const TriangleMesh* obstacles[] = {&fixture};
+  for (const Vec3& direction : directions_) {
+    past_fixture_.emplace_back(direction, obstacles, samples_.points, tools_, kFixturePitch);
+  }
 }
 
 std::int32_t ClippingModel::sample_near(const Vec3& point) const {
@@ -189,9 +196,18 @@ BitSet ClippingModel::blockers(const std::vector<ToolSection>& sections, const V
 
 bool ClippingModel::fixture_blocks(std::span<const ToolSection> sections, const Vec3& tip,
                                    const Vec3& direction) const {
+  if (tip.z() < -kBelowBase) return true;
   return std::any_of(fixture_points_.begin(), fixture_points_.end(), [&](const Vec3& point) {
     return body_holds(sections, tip, direction, point);
   });
+}
+
+bool ClippingModel::fixture_blocks(bool cutter, const Vec3& tip, std::size_t direction) const {
+  if (tip.z() < -kBelowBase) return true;
+  if (past_fixture_.empty()) return false;
+  const DirectionalReach& past = past_fixture_[direction];
+  return cutter ? !past.cutter_reaches(tip + tools_.ball_radius_mm * directions_[direction])
+                : !past.nozzle_reaches(tip);
 }
 
 void ClippingModel::watch(const std::vector<SurfaceSample>& samples, const ReachTable& reach,
@@ -226,7 +242,7 @@ void ClippingModel::watch(const std::vector<SurfaceSample>& samples, const Reach
           for (Vec3& tip : tips) tip -= r * direction;
         }
         for (const Vec3& tip : tips) {
-          if (tip.z() < -1e-6 || fixture_blocks(sections, tip, direction)) continue;
+          if (fixture_blocks(cutter, tip, d)) continue;
           BitSet set = blockers(sections, tip, projections_[d]);
           found.emplace_back(set.count(), std::move(set));
         }
@@ -356,19 +372,19 @@ void ClippingModel::make_caps(Cut& cut) const {
     };
     if (!used.insert(cell(local.x()) << 32 | cell(local.y())).second) continue;
     CapPoint cap{static_cast<std::uint32_t>(beneath), {}, {}};
-    if (at.z() < 0 || fixture_blocks(tools_.nozzle, at, n)) {
+    if (fixture_blocks(tools_.nozzle, at, n)) {
       cap.nozzle_blockers = all_;
     } else {
       cap.nozzle_blockers = blockers(tools_.nozzle, at, beyond);
     }
     // Along the normal the ball's tip is the cap point itself.
-    const bool free_of_fixture = at.z() >= 0 && !fixture_blocks(tools_.cutter, at, n);
+    const bool free_of_fixture = !fixture_blocks(tools_.cutter, at, n);
     if (free_of_fixture) cap.cutter_blockers.push_back(blockers(tools_.cutter, at, beyond));
     const Vec3 centre = at + tools_.ball_radius_mm * n;
     for (const auto d : leaning) {
       if (!cap.cutter_blockers.empty() && !cap.cutter_blockers.back().any()) break;
       const Vec3 tip = centre - tools_.ball_radius_mm * directions_[d];
-      if (tip.z() < -1e-6 || fixture_blocks(tools_.cutter, tip, directions_[d])) continue;
+      if (fixture_blocks(true, tip, d)) continue;
       BitSet blocking = blockers(tools_.cutter, tip, projections_[d]);
       blocking.subtract(cut.taken);
       cap.cutter_blockers.push_back(std::move(blocking));

@@ -120,16 +120,19 @@ class ClippingModel {
   Projection project(const Vec3& direction, const BitSet& without) const;
   BitSet blockers(const std::vector<ToolSection>& sections, const Vec3& tip,
                   const Projection& along) const;
+  // Whether base or fixture keep a tool from standing there, along any direction or a common one.
   bool fixture_blocks(std::span<const ToolSection> sections, const Vec3& tip,
                       const Vec3& direction) const;
+  bool fixture_blocks(bool cutter, const Vec3& tip, std::size_t direction) const;
   std::int32_t sample_near(const Vec3& point) const;
   bool reached(const std::vector<BitSet>& alternatives, const BitSet& taken) const;
 
   VoxelSet samples_;
   BitSet all_, foot_;
   std::vector<std::uint32_t> foot_list_;
-  ToolBodies tools_;  // widened
-  std::vector<Vec3> fixture_points_;
+  ToolBodies tools_;                            // widened
+  std::vector<Vec3> fixture_points_;            // on its surface
+  std::vector<DirectionalReach> past_fixture_;  // by direction; empty without fixture
   std::vector<Vec3> directions_;
   std::vector<Projection> projections_;  // by direction
   ClippingOptions options_;

@@ -120,7 +120,7 @@ void check_carried(const CellComplex& complex, const AuditSettings& settings, Au
   std::uint32_t count = 0;
   const auto piece = pieces(added, count);
   struct Hold {
-    bool on_reused = false;
+    bool on_reused = false, has_body = false;
     double table_area = 0;
     Vec3 point = Vec3::Zero();
   };
@@ -129,6 +129,8 @@ void check_carried(const CellComplex& complex, const AuditSettings& settings, Au
     Hold& hold = holds[piece[t]];
     const CellFacet& facet = complex.facets[facets[t]];
     hold.on_reused |= facet.front == kReused || facet.back == kReused;
+    if (facet.mark == 0 && settings.is_skin[facet.origin]) continue;
+    hold.has_body = true;
     const auto& [a, b, c] = added.triangles[t];
     const auto& v = added.vertices;
     hold.point = v[a];
@@ -136,7 +138,7 @@ void check_carried(const CellComplex& complex, const AuditSettings& settings, Au
     hold.table_area += (v[b] - v[a]).cross(v[c] - v[a]).norm() / 2;
   }
   for (const Hold& hold : holds) {
-    if (hold.on_reused) continue;
+    if (hold.on_reused || !hold.has_body) continue;
     if (hold.table_area > 0 && settings.table_may_carry) {
       PrintingBase base;
       base.facets = {{Vec3::UnitZ(), 0}};
@@ -195,7 +197,7 @@ Result<ExactClipping> realise(const CellComplex& ideal, const ClippingModel& mod
 
 AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
   AuditResult result;
-  const auto components = printing_bases(complex);
+  const auto components = printing_bases(complex, settings.is_skin);
   std::vector<Vec3> directions = settings.directions;
   for (const auto& component : components) {
     ++result.counts.bases;
@@ -210,7 +212,8 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
       if (plane.normal.z() >= 0) directions.push_back(plane.normal);
     }
   }
-  const auto samples = sample_borders(complex, settings.sample_distance_mm, settings.seed);
+  const auto samples =
+      sample_borders(complex, settings.is_skin, settings.sample_distance_mm, settings.seed);
   const TriangleMesh reused = surface_of(complex, in(kReused));
   const TriangleMesh* obstacles[] = {&reused, &settings.fixture};
   const BitSet none_goes(samples.size());

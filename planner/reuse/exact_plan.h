@@ -37,7 +37,8 @@ struct AuditSettings {
   const ToolBodies& tools;
   const TriangleMesh& fixture;  // may be empty
   const std::vector<Vec3>& directions;
-  bool table_may_carry = false;  // printing may start on the table itself
+  const std::vector<bool>& is_skin;  // volumes.h
+  bool table_may_carry = false;      // printing may start on the table itself
   double sample_distance_mm = 2;
   double pitch_mm = 0.5;
   std::uint64_t seed = 1;

@@ -138,13 +138,14 @@ void judge(BaseComponent& base, const TriangleMesh& surface) {
 
 }  // namespace
 
-std::vector<BaseComponent> printing_bases(const CellComplex& complex) {
+std::vector<BaseComponent> printing_bases(const CellComplex& complex,
+                                          const std::vector<bool>& is_skin) {
   TriangleMesh surface;
   surface.vertices = complex.vertices;
   std::vector<std::uint32_t> facet_of;
   for (std::uint32_t f = 0; f < complex.facets.size(); ++f) {
     const CellFacet& facet = complex.facets[f];
-    if (!is_base(facet)) continue;
+    if (!is_base(facet) || (facet.mark == 0 && is_skin[facet.origin])) continue;
     auto corners = facet.corners;
     if (facet.front == kReused) std::swap(corners[1], corners[2]);
     surface.triangles.push_back(corners);

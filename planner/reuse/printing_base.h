@@ -35,6 +35,8 @@ struct BaseComponent {
   bool from_clipping = false;  // has a facet that a clipping plane made
 };
 
-std::vector<BaseComponent> printing_bases(const CellComplex& complex);
+// `is_skin` by origin (volumes.h): what only a skin covers is no base.
+std::vector<BaseComponent> printing_bases(const CellComplex& complex,
+                                          const std::vector<bool>& is_skin);
 
 }  // namespace reforge

@@ -83,7 +83,8 @@ class Planning {
   Work work_;
   std::chrono::steady_clock::time_point deadline_;
 
-  CellComplex complex_;    // V~_R, V~_S, V~_A; loose pieces of V~_R are V_T already
+  CellComplex complex_;  // V~_R, V~_S, V~_A; loose pieces of V~_R are V_T already
+  std::vector<bool> is_skin_;
   TriangleMesh standing_;  // V~_R without loose pieces
   TriangleMesh fixture_;
   double target_volume_ = 0;
@@ -150,11 +151,11 @@ std::optional<Infeasible> Planning::prepare() {
   }
   if (directions_.empty())
     return infeasible({"The rotary axes cannot turn the part to any tool direction."});
-  bases_ = printing_bases(complex_);
+  bases_ = printing_bases(complex_, is_skin_);
   double lowest = bounds(initial_.mesh).max().z();
   for (const auto& base : bases_) lowest = std::min(lowest, base.lowest_z);
   plan_.base_height_ratio = lowest / bounds(initial_.mesh).max().z();
-  samples_ = sample_borders(complex_, kSampleDistance, options_.seed);
+  samples_ = sample_borders(complex_, is_skin_, kSampleDistance, options_.seed);
   const TriangleMesh* obstacles[] = {&standing_, &fixture_};
   std::vector<Vec3> directions = directions_;
   for (const auto& base : bases_) {
@@ -218,7 +219,7 @@ std::optional<AuditResult> Planning::prove(const ClippingModel& model, const Cli
     return std::nullopt;
   }
   const AuditSettings settings{
-      tools_,          fixture_,    directions_,      options_.mode == Mode::kPaper,
+      tools_,          fixture_,    directions_,      is_skin_, options_.mode == Mode::kPaper,
       kSampleDistance, kReachPitch, options_.seed + 1};
   AuditResult audited = audit(exact->complex, settings);
   if (!audited.passed()) {
@@ -324,6 +325,7 @@ Result<Outcome> Planning::run() {
     auto volumes = ideal_volumes(initial_.mesh, target_.mesh);
     if (!volumes) return volumes.error();
     complex_ = std::move(volumes->complex);
+    is_skin_ = std::move(volumes->is_skin);
     plan_.dropped_mm3 = volumes->dropped_mm3;
   }
   {

@@ -11,6 +11,11 @@ namespace {
 
 constexpr double kOnBase = 1e-3;  // mm
 
+// V~_R, whether it stays or goes.
+bool is_matter(std::uint8_t region) {
+  return region == kReused || region == kThenAdded;
+}
+
 // Hands out points of a set of triangles, uniform by area.
 class AreaSampler {
  public:
@@ -76,11 +81,17 @@ class Spacing {
 
 }  // namespace
 
-std::vector<SurfaceSample> sample_borders(const CellComplex& complex, double distance_mm,
+std::vector<SurfaceSample> sample_borders(const CellComplex& complex,
+                                          const std::vector<bool>& is_skin, double distance_mm,
                                           std::uint64_t seed) {
   std::map<std::pair<std::uint8_t, std::uint8_t>, std::vector<std::uint32_t>> borders;
   for (std::uint32_t f = 0; f < complex.facets.size(); ++f) {
-    const auto& [corners, front, back, origin, mark] = complex.facets[f];
+    auto [corners, front, back, origin, mark] = complex.facets[f];
+    if (mark == 0 && is_skin[origin]) {
+      const auto matter = is_matter(front) ? front : back;
+      if (!is_matter(matter)) continue;
+      (matter == front ? back : front) = kOutside;
+    }
     double highest = 0;
     for (const auto corner : corners) highest = std::max(highest, complex.vertices[corner].z());
     if (highest < kOnBase) continue;
@@ -103,10 +114,11 @@ std::vector<SurfaceSample> sample_borders(const CellComplex& complex, double dis
                         .cross(v[facet.corners[2]] - v[facet.corners[0]])
                         .normalized();
       auto matter = static_cast<Region>(facet.back), other = static_cast<Region>(facet.front);
-      if (other == kReused || matter == kOutside) {
+      if (other == kReused || matter == kOutside || (other == kThenAdded && matter != kReused)) {
         std::swap(matter, other);
         normal = -normal;
       }
+      if (facet.mark == 0 && is_skin[facet.origin]) other = kOutside;
       samples.push_back({position, normal, matter, other, f, facet.origin});
     }
   }

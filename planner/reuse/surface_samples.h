@@ -49,7 +49,10 @@ struct SurfaceSample {
   }
 };
 
-std::vector<SurfaceSample> sample_borders(const CellComplex& complex, double distance_mm,
+// `is_skin` by origin (volumes.h): a border of V~_R that only a skin covers counts as its outer
+// surface; a skin's own surface is not sampled.
+std::vector<SurfaceSample> sample_borders(const CellComplex& complex,
+                                          const std::vector<bool>& is_skin, double distance_mm,
                                           std::uint64_t seed);
 
 }  // namespace reforge

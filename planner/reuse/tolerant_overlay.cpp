@@ -16,15 +16,15 @@ namespace reforge {
 namespace {
 
 constexpr double kBalance = 1e-6;  // relative
+constexpr double kSure = 1e-4;     // mm; farther from a surface, its side is beyond doubt
 
 using Edge = std::array<std::uint32_t, 2>;
 
 // A whole surface, cut where it meets others.
 struct Sheet {
   TriangleMesh mesh;
-  std::vector<std::uint32_t> origins;  // by triangle, of the surface before the cut
-  std::vector<std::uint32_t> patch;    // by triangle: pieces between seams
-  std::uint32_t patches = 0;
+  std::vector<std::uint32_t> origins;    // by triangle, of the surface before the cut
+  std::vector<std::vector<Edge>> seams;  // by the surface met
 };
 
 // The triangles of `mesh` that `wanted` marks, all vertices under their numbers.
@@ -41,39 +41,76 @@ TriangleMesh some_of(const TriangleMesh& mesh, const std::vector<bool>& wanted,
   return some;
 }
 
-void number_patches(Sheet& sheet, std::vector<Edge> seams) {
-  std::sort(seams.begin(), seams.end());
-  struct Side {
-    Edge edge;
-    std::uint32_t triangle;
-  };
+struct Side {
+  Edge edge;
+  std::uint32_t corner;  // 3 * triangle + k, where the edge begins
+};
+
+// Sorted, so that the sides of one edge stand together.
+std::vector<Side> sides_of(const TriangleMesh& mesh) {
   std::vector<Side> sides;
-  sides.reserve(3 * sheet.mesh.triangles.size());
-  for (std::uint32_t t = 0; t < sheet.mesh.triangles.size(); ++t) {
-    for (int k = 0; k < 3; ++k) {
-      const auto a = sheet.mesh.triangles[t][k], b = sheet.mesh.triangles[t][(k + 1) % 3];
-      sides.push_back({{std::min(a, b), std::max(a, b)}, t});
+  sides.reserve(3 * mesh.triangles.size());
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      const auto a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
+      sides.push_back({{std::min(a, b), std::max(a, b)}, 3 * t + k});
     }
   }
   std::sort(sides.begin(), sides.end(), [](const Side& x, const Side& y) {
-    return std::tie(x.edge, x.triangle) < std::tie(y.edge, y.triangle);
+    return std::tie(x.edge, x.corner) < std::tie(y.edge, y.corner);
   });
-  std::vector<std::uint32_t> parent(sheet.mesh.triangles.size());
-  std::iota(parent.begin(), parent.end(), 0u);
-  const auto root_of = [&parent](std::uint32_t x) {
-    while (parent[x] != x) x = parent[x] = parent[parent[x]];
+  return sides;
+}
+
+// Disjoint sets of numbers; the lowest of a set stands for it.
+class Sets {
+ public:
+  explicit Sets(std::size_t size) : parent_(size) { std::iota(parent_.begin(), parent_.end(), 0u); }
+  std::uint32_t root_of(std::uint32_t x) {
+    while (parent_[x] != x) x = parent_[x] = parent_[parent_[x]];
     return x;
-  };
+  }
+  void join(std::uint32_t x, std::uint32_t y) {
+    const auto a = root_of(x), b = root_of(y);
+    parent_[std::max(a, b)] = std::min(a, b);
+  }
+
+ private:
+  std::vector<std::uint32_t> parent_;
+};
+
+// Vertices where the marked triangles touch without an edge between them.
+std::vector<bool> pinches(const TriangleMesh& mesh, const std::vector<bool>& marked, bool& any) {
+  std::vector<std::uint32_t> numbers;
+  const TriangleMesh some = some_of(mesh, marked, numbers);
+  const auto sides = sides_of(some);
+  Sets fans(3 * some.triangles.size());
+  const auto end_of = [](std::uint32_t c) { return c % 3 == 2 ? c - 2 : c + 1; };
   for (std::size_t i = 1; i < sides.size(); ++i) {
     if (sides[i].edge != sides[i - 1].edge) continue;
-    if (std::binary_search(seams.begin(), seams.end(), sides[i].edge)) continue;
-    const auto a = root_of(sides[i].triangle), b = root_of(sides[i - 1].triangle);
-    parent[std::max(a, b)] = std::min(a, b);
+    fans.join(sides[i].corner, end_of(sides[i - 1].corner));
+    fans.join(end_of(sides[i].corner), sides[i - 1].corner);
   }
-  sheet.patch.resize(parent.size());
-  for (std::uint32_t t = 0; t < parent.size(); ++t) {
-    const auto root = root_of(t);
-    sheet.patch[t] = root == t ? sheet.patches++ : sheet.patch[root];
+  constexpr auto kNone = static_cast<std::uint32_t>(-1);
+  std::vector<std::uint32_t> fan(mesh.vertices.size(), kNone);
+  std::vector<bool> pinched(mesh.vertices.size(), false);
+  any = false;
+  for (std::uint32_t c = 0; c < 3 * some.triangles.size(); ++c) {
+    auto& known = fan[some.triangles[c / 3][c % 3]];
+    if (known == kNone) known = fans.root_of(c);
+    if (known != fans.root_of(c)) any = pinched[some.triangles[c / 3][c % 3]] = true;
+  }
+  return pinched;
+}
+
+// Marks more triangles, until those around every vertex form one fan.
+void unpinch(const TriangleMesh& mesh, std::vector<bool>& marked) {
+  for (bool any = true; any;) {
+    const auto pinched = pinches(mesh, marked, any);
+    if (!any) return;
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+      for (const auto v : mesh.triangles[t]) marked[t] = marked[t] || pinched[v];
+    }
   }
 }
 
@@ -88,46 +125,122 @@ Sheet whole(const TriangleMesh& mesh, const std::vector<bool>& was_cut, CutSurfa
     sheet.mesh.triangles.push_back(mesh.triangles[t]);
     sheet.origins.push_back(t);
   }
-  number_patches(sheet, std::move(cut.seams));
+  sheet.seams = std::move(cut.seams);
   return sheet;
 }
 
-// Whether each patch lies inside a solid. The widest triangles of a patch are asked, the one
-// farthest from the solid's surface decides.
-std::vector<bool> inside(const Sheet& sheet, const TriangleTree& solid) {
+// The pieces of a surface between its seams with one other.
+struct Patches {
+  std::vector<std::uint32_t> of;  // by triangle
+  std::uint32_t count = 0;
+  std::vector<Edge> neighbours;  // patches on the two sides of a seam
+};
+
+Patches patches_between(const TriangleMesh& mesh, std::vector<Edge> seams) {
+  std::sort(seams.begin(), seams.end());
+  const auto sides = sides_of(mesh);
+  Sets pieces(mesh.triangles.size());
+  std::vector<Edge> across;  // triangles on the two sides of a seam
+  for (std::size_t i = 1; i < sides.size(); ++i) {
+    if (sides[i].edge != sides[i - 1].edge) continue;
+    const auto s = sides[i - 1].corner / 3, t = sides[i].corner / 3;
+    if (std::binary_search(seams.begin(), seams.end(), sides[i].edge)) {
+      across.push_back({s, t});
+    } else {
+      pieces.join(s, t);
+    }
+  }
+  Patches patches;
+  patches.of.resize(mesh.triangles.size());
+  for (std::uint32_t t = 0; t < patches.of.size(); ++t) {
+    const auto root = pieces.root_of(t);
+    patches.of[t] = root == t ? patches.count++ : patches.of[root];
+  }
+  for (const auto& [s, t] : across) {
+    if (patches.of[s] != patches.of[t])
+      patches.neighbours.push_back({patches.of[s], patches.of[t]});
+  }
+  return patches;
+}
+
+// A point of a patch that is well inside or well outside of a solid.
+struct Witness {
+  Vec3 point = Vec3::Zero();
+  double clear = -1;  // distance from the solid's surface, mm
+};
+
+// The widest triangles of each patch are looked at.
+std::vector<Witness> witnesses(const TriangleMesh& mesh, const Patches& patches,
+                               const TriangleTree& solid) {
   struct Candidate {
     double width = -1;
     std::uint32_t triangle = 0;
   };
   constexpr std::size_t kAsked = 4;
-  std::vector<std::array<Candidate, kAsked>> widest(sheet.patches);
-  const auto& [vertices, triangles] = sheet.mesh;
+  std::vector<std::array<Candidate, kAsked>> widest(patches.count);
+  const auto& [vertices, triangles] = mesh;
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
     const auto [a, b, c] = triangles[t];
     const double width = (vertices[b] - vertices[a]).cross(vertices[c] - vertices[a]).norm();
-    auto& list = widest[sheet.patch[t]];
+    auto& list = widest[patches.of[t]];
     if (width <= list.back().width) continue;
     list.back() = {width, t};
     std::stable_sort(list.begin(), list.end(),
                      [](const Candidate& x, const Candidate& y) { return x.width > y.width; });
   }
-  std::vector<bool> result(sheet.patches);
-  const double far = std::max(1., bounds(solid.mesh()).diagonal().norm());
-  for (std::uint32_t p = 0; p < sheet.patches; ++p) {
-    Vec3 best = Vec3::Zero();
-    double clear = -1;
+  std::vector<Witness> found(patches.count);
+  for (std::uint32_t p = 0; p < patches.count; ++p) {
     for (const Candidate& candidate : widest[p]) {
-      if (candidate.width < 0 || clear > 1e-3) break;
+      if (candidate.width < 0 || found[p].clear >= kSure) break;
       const auto [a, b, c] = triangles[candidate.triangle];
       const Vec3 middle = (vertices[a] + vertices[b] + vertices[c]) / 3;
-      const auto near = solid.closest(middle, clear < 0 ? 4 * far : far);
-      const double distance = near ? near->distance : far;
-      if (distance <= clear) continue;
-      clear = distance;
-      best = middle;
+      const auto near = solid.closest(middle, kSure);
+      const double clear = near ? near->distance : kSure;
+      if (clear > found[p].clear) found[p] = {middle, clear};
     }
-    result[p] = solid.contains(best);
   }
+  return found;
+}
+
+// By triangle: whether it lies inside a solid. Two patches along a seam lie on different sides of
+// the solid's surface, so a patch too narrow to be asked itself goes by its neighbours.
+std::vector<bool> inside(const TriangleMesh& mesh, const std::vector<Edge>& seams,
+                         const TriangleTree& solid) {
+  const Patches patches = patches_between(mesh, seams);
+  const auto witness = witnesses(mesh, patches, solid);
+  std::vector<std::vector<std::uint32_t>> beside(patches.count);
+  for (const auto& [p, q] : patches.neighbours) {
+    beside[p].push_back(q);
+    beside[q].push_back(p);
+  }
+  std::vector<std::uint32_t> by_clearness(patches.count);
+  std::iota(by_clearness.begin(), by_clearness.end(), 0u);
+  std::stable_sort(by_clearness.begin(), by_clearness.end(), [&](std::uint32_t p, std::uint32_t q) {
+    return witness[p].clear > witness[q].clear;
+  });
+  enum : std::uint8_t { kUnknown, kIn, kOut };
+  std::vector<std::uint8_t> is(patches.count, kUnknown);
+  std::vector<std::uint32_t> open;
+  const auto settle = [&](std::uint32_t p, bool in) {
+    is[p] = in ? kIn : kOut;
+    open.push_back(p);
+  };
+  for (const auto p : by_clearness) {
+    if (witness[p].clear >= kSure) settle(p, solid.contains(witness[p].point));
+  }
+  for (std::size_t next = 0, done = 0;; ++next) {
+    for (; done < open.size(); ++done) {
+      for (const auto q : beside[open[done]]) {
+        if (is[q] == kUnknown) settle(q, is[open[done]] == kOut);
+      }
+    }
+    while (next < by_clearness.size() && is[by_clearness[next]] != kUnknown) ++next;
+    if (next >= by_clearness.size()) break;
+    const auto p = by_clearness[next];
+    settle(p, solid.contains(witness[p].point));
+  }
+  std::vector<bool> result(mesh.triangles.size());
+  for (std::size_t t = 0; t < result.size(); ++t) result[t] = is[patches.of[t]] == kIn;
   return result;
 }
 
@@ -148,6 +261,9 @@ Result<Sheets> cut_apart(const Separation& separation, const TriangleTree& initi
     if (separation.initial_settled[i] && separation.target_settled[in_target[j]]) return;
     of_initial[i] = of_shrunk[j] = true;
   });
+  unpinch(initial.mesh(), of_initial);
+  unpinch(grown.mesh(), of_grown);
+  unpinch(shrunk.mesh(), of_shrunk);
   std::vector<std::uint32_t> in_initial, in_grown, in_shrunk;
   const TriangleMesh first = some_of(initial.mesh(), of_initial, in_initial);
   const std::vector<TriangleMesh> others{some_of(grown.mesh(), of_grown, in_grown),
@@ -157,6 +273,29 @@ Result<Sheets> cut_apart(const Separation& separation, const TriangleTree& initi
   return Sheets{whole(initial.mesh(), of_initial, std::move((*cuts)[0]), in_initial),
                 whole(grown.mesh(), of_grown, std::move((*cuts)[1]), in_grown),
                 whole(shrunk.mesh(), of_shrunk, std::move((*cuts)[2]), in_shrunk)};
+}
+
+// The initial surface's seams with all of the shrunk target: with what was moved, and with what it
+// shares with the grown one.
+std::vector<Edge> seams_with_shrunk(const Sheets& sheets, const std::vector<bool>& moved) {
+  const Sheet& grown = sheets.grown;
+  std::vector<Edge> shared;  // edges of triangles that stayed where they were
+  for (std::size_t t = 0; t < grown.mesh.triangles.size(); ++t) {
+    if (moved[grown.origins[t]]) continue;
+    for (int k = 0; k < 3; ++k) {
+      const auto a = grown.mesh.triangles[t][k], b = grown.mesh.triangles[t][(k + 1) % 3];
+      shared.push_back({std::min(a, b), std::max(a, b)});
+    }
+  }
+  std::sort(shared.begin(), shared.end());
+  std::vector<Edge> seams = sheets.initial.seams[1];
+  // A seam has the same place in the lists of both its surfaces.
+  for (std::size_t i = 0; i < grown.seams[0].size(); ++i) {
+    if (std::binary_search(shared.begin(), shared.end(), grown.seams[0][i])) {
+      seams.push_back(sheets.initial.seams[0][i]);
+    }
+  }
+  return seams;
 }
 
 void add_facet(CellComplex& complex, const Sheet& sheet, std::size_t first_vertex, std::size_t t,
@@ -178,34 +317,36 @@ std::size_t add_vertices(CellComplex& complex, const Sheet& sheet) {
 }
 
 Result<CellComplex> separated_overlay(const TriangleMesh& initial, const Separation& separation) {
-  TriangleMesh moved;
+  // Triangles that the two versions of the target do not share.
+  std::vector<bool> moved = separation.moved;
+  unpinch(separation.shrunk, moved);
   std::vector<std::uint32_t> numbers;
-  moved = some_of(separation.shrunk, separation.moved, numbers);
+  const TriangleMesh moved_mesh = some_of(separation.shrunk, moved, numbers);
   const TriangleTree tree(initial), grown(separation.grown), shrunk(separation.shrunk),
-      moved_tree(moved);
+      moved_tree(moved_mesh);
   const auto sheets = cut_apart(separation, tree, grown, moved_tree, numbers);
   if (!sheets) return sheets.error();
-  const auto in_grown = inside(sheets->initial, grown);
-  const auto in_shrunk = inside(sheets->initial, shrunk);
-  const auto grown_in = inside(sheets->grown, tree);
-  const auto shrunk_in = inside(sheets->shrunk, tree);
+  const auto& [first, second, third] = *sheets;
+  const auto in_grown = inside(first.mesh, first.seams[0], grown);
+  const auto in_shrunk = inside(first.mesh, seams_with_shrunk(*sheets, moved), shrunk);
+  const auto grown_in = inside(second.mesh, second.seams[0], tree);
+  const auto shrunk_in = inside(third.mesh, third.seams[0], tree);
   CellComplex complex;
-  auto first = add_vertices(complex, sheets->initial);
-  for (std::size_t t = 0; t < sheets->initial.mesh.triangles.size(); ++t) {
-    const auto p = sheets->initial.patch[t];
-    add_facet(complex, sheets->initial, first, t, in_shrunk[p] ? 2 : 0, in_grown[p] ? 3 : 1);
+  auto from = add_vertices(complex, first);
+  for (std::size_t t = 0; t < first.mesh.triangles.size(); ++t) {
+    add_facet(complex, first, from, t, in_shrunk[t] ? 2 : 0, in_grown[t] ? 3 : 1);
   }
-  first = add_vertices(complex, sheets->grown);
-  for (std::size_t t = 0; t < sheets->grown.mesh.triangles.size(); ++t) {
-    if (grown_in[sheets->grown.patch[t]]) {
-      add_facet(complex, sheets->grown, first, t, 1, 3);
-    } else if (!separation.moved[sheets->grown.origins[t]]) {
-      add_facet(complex, sheets->grown, first, t, 0, 2);
+  from = add_vertices(complex, second);
+  for (std::size_t t = 0; t < second.mesh.triangles.size(); ++t) {
+    if (grown_in[t]) {
+      add_facet(complex, second, from, t, 1, 3);
+    } else if (!moved[second.origins[t]]) {
+      add_facet(complex, second, from, t, 0, 2);
     }
   }
-  first = add_vertices(complex, sheets->shrunk);
-  for (std::size_t t = 0; t < sheets->shrunk.mesh.triangles.size(); ++t) {
-    if (!shrunk_in[sheets->shrunk.patch[t]]) add_facet(complex, sheets->shrunk, first, t, 0, 2);
+  from = add_vertices(complex, third);
+  for (std::size_t t = 0; t < third.mesh.triangles.size(); ++t) {
+    if (!shrunk_in[t]) add_facet(complex, third, from, t, 0, 2);
   }
   tidy(complex);
   for (std::uint32_t f = 0; f < complex.facets.size(); ++f) complex.facets[f].origin = f;

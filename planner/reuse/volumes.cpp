@@ -11,6 +11,7 @@ namespace reforge {
 namespace {
 
 constexpr double kThin = 1e-3;         // mm
+constexpr double kSkin = 2e-3;         // mm
 constexpr double kOnBase = 1e-3;       // mm above z = 0
 constexpr double kSmallestFoot = 0.1;  // mm^2
 
@@ -80,6 +81,81 @@ double standing_area(const TriangleMesh& surface) {
   return standing;
 }
 
+// A facet with its box, for asking what lies just beyond another facet.
+struct Wall {
+  std::array<Vec3, 3> corner;
+  Box3 box;
+  std::uint8_t front, back;
+};
+
+std::vector<Wall> walls_of(const CellComplex& complex) {
+  std::vector<Wall> walls;
+  for (const CellFacet& facet : complex.facets) {
+    Wall wall{{}, {}, facet.front, facet.back};
+    for (int k = 0; k < 3; ++k) {
+      wall.corner[k] = complex.vertices[facet.corners[k]];
+      wall.box.extend(wall.corner[k]);
+    }
+    walls.push_back(wall);
+  }
+  return walls;
+}
+
+// Whether the segment from `from` to `to` passes through the triangle (Moeller, Trumbore).
+bool crosses(const Vec3& from, const Vec3& to, const Wall& wall) {
+  const Vec3 along = to - from, a = wall.corner[1] - wall.corner[0],
+             b = wall.corner[2] - wall.corner[0];
+  const Vec3 p = along.cross(b);
+  const double determinant = a.dot(p);
+  if (std::abs(determinant) < 1e-300) return false;
+  const Vec3 s = from - wall.corner[0];
+  const double u = s.dot(p) / determinant;
+  const Vec3 q = s.cross(a);
+  const double v = along.dot(q) / determinant, t = b.dot(q) / determinant;
+  return u >= -1e-9 && v >= -1e-9 && u + v <= 1 + 1e-9 && t >= 0 && t <= 1;
+}
+
+// Facets behind which V~_S or V~_A is only a skin: within kSkin of the middle, it ends.
+std::vector<bool> find_skins(const CellComplex& complex) {
+  const auto walls = walls_of(complex);
+  // By x, so that only walls near the middle are asked.
+  std::vector<std::uint32_t> order(walls.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return walls[a].box.min().x() < walls[b].box.min().x();
+  });
+  double widest = 0;
+  for (const Wall& wall : walls) widest = std::max(widest, wall.box.sizes().x());
+  std::vector<bool> is_skin(walls.size(), false);
+  for (std::uint32_t f = 0; f < walls.size(); ++f) {
+    const Wall& own = walls[f];
+    const Vec3 cross = (own.corner[1] - own.corner[0]).cross(own.corner[2] - own.corner[0]);
+    if (!(cross.norm() > 1e-12)) {
+      is_skin[f] = true;
+      continue;
+    }
+    const Vec3 normal = cross.normalized();
+    const Vec3 middle = (own.corner[0] + own.corner[1] + own.corner[2]) / 3;
+    for (const int side : {1, -1}) {
+      const auto region = side > 0 ? own.front : own.back;
+      if (region != kRemoved && region != kAdded) continue;
+      const Vec3 beyond = middle + side * kSkin * normal;
+      const Box3 reach = Box3(middle.cwiseMin(beyond), middle.cwiseMax(beyond));
+      auto from =
+          std::lower_bound(order.begin(), order.end(), reach.min().x() - widest,
+                           [&](std::uint32_t i, double x) { return walls[i].box.min().x() < x; });
+      for (; from != order.end() && walls[*from].box.min().x() <= reach.max().x(); ++from) {
+        const Wall& wall = walls[*from];
+        if (*from == f || (wall.front != region && wall.back != region)) continue;
+        if (!wall.box.intersects(reach) || !crosses(middle, beyond, wall)) continue;
+        is_skin[f] = true;
+        break;
+      }
+    }
+  }
+  return is_skin;
+}
+
 bool identical(const TriangleMesh& a, const TriangleMesh& b) {
   return a.triangles == b.triangles && a.vertices == b.vertices;
 }
@@ -94,6 +170,7 @@ Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& t
       volumes.complex.facets.push_back({initial.triangles[t], kOutside, kReused, t, 0});
     }
     tidy(volumes.complex);
+    volumes.is_skin.assign(volumes.complex.facets.size(), false);
     return volumes;
   }
   auto both = overlay(initial, target);
@@ -107,6 +184,9 @@ Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& t
   volumes.dropped_mm3 += drop_slivers(volumes.complex, kRemoved);
   volumes.dropped_mm3 += drop_slivers(volumes.complex, kAdded);
   volumes.dropped_mm3 += drop_slivers(volumes.complex, kReused);
+  auto& facets = volumes.complex.facets;
+  for (std::uint32_t f = 0; f < facets.size(); ++f) facets[f].origin = f;
+  volumes.is_skin = find_skins(volumes.complex);
   return volumes;
 }
 

@@ -10,7 +10,9 @@
 // Tolerance: pieces of V~_S and V~_A thinner than 1e-3 mm on average are no matter a tool could cut
 // or
 //   lay; they go to the volume they mostly border on and are counted as dropped.
-// Limits: thin skins that hang on a thicker piece stay; near-coincident surfaces are not snapped.
+//   Thin skins that hang on a thicker piece stay in the volumes, but are marked: what lies behind a
+//   skin is taken to be what lies on its other side, so that nobody has to cut or print it.
+// Limits: near-coincident surfaces are not snapped together.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +29,9 @@ constexpr unsigned in(Region region) {
 }
 
 struct Volumes {
-  CellComplex complex;
+  CellComplex complex;  // every facet's origin is its own number
   double dropped_mm3 = 0;
+  std::vector<bool> is_skin;  // by origin: one side is V~_S or V~_A, but less than 2e-3 mm of it
 };
 
 // V~_R, V~_S, V~_A of two placed solids. Bit-identical solids need no boolean: all is reused.
