@@ -152,7 +152,8 @@ Gouge BlockStock::cut(const Vec3& a, const Vec3& b, double radius, double tolera
 Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double height) {
   assert(cut_rect_.empty());
   const View& grid = view();
-  if (run_.empty()) run_.assign(grid.cells(), TopRun{kInf, -kInf});
+  if (run_.empty()) run_.assign(grid.cells(), TopRun{kInf, -kInf, 0});
+  if (bead_ == 0) bead_ = 1;
   const Capsule capsule(grid, a, b, 0.5 * width);
   Bead bead;
   const int j0 = capsule.first_row(), j1 = capsule.end_row();
@@ -181,19 +182,20 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
       const auto hi = static_cast<float>(w);
       const auto lo = static_cast<float>(w - height);
       const float below = envelope_.top(cell);
-      if (static_cast<double>(below) < w - 0.7 * height) {  // not yet at this layer
-        ++bead.fresh;
+      TopRun& run = run_[cell];
+      const bool laid =
+          static_cast<double>(below) >= w - 0.7 * height;  // this layer is there already
+      if (!laid || run.bead != bead_) {
+        ++bead.judged;
         if (static_cast<double>(below) >= w - 1.95 * height) ++bead.supported;
       }
-      TopRun& run = run_[cell];
       if (run.hi < run.lo) {
-        run = {lo, hi};
+        run = {lo, hi, bead_};
       } else if (lo <= run.hi + kTouch && hi >= run.lo - kTouch) {
-        run.lo = std::min(run.lo, lo);
-        run.hi = std::max(run.hi, hi);
+        run = {std::min(run.lo, lo), std::max(run.hi, hi), bead_};
       } else {
         buried_.push_back({static_cast<std::uint32_t>(cell), {run.lo, run.hi}});
-        run = {lo, hi};
+        run = {lo, hi, bead_};
       }
       envelope_.raise(i, j, hi);
     }

@@ -19,8 +19,8 @@ struct Gouge {
 };
 
 struct Bead {
-  int fresh = 0;         // columns that got material
-  int supported = 0;     // of those, with material right beneath
+  int judged = 0;        // columns under the bead that it had not laid before
+  int supported = 0;     // of those, with material less than a layer beneath, or a bead beside
   bool outside = false;  // beyond the grid: beyond the part and its margin
 };
 
@@ -45,7 +45,10 @@ class BlockStock {
 
   // Only when not cutting. Lays a bead of this width and height under the nozzle tip on its way
   // from a to b.
+  // What it laid since the last `next_bead` is no support to itself.
   Bead deposit(const Vec3& a, const Vec3& b, double width, double height);
+
+  void next_bead() { ++bead_; }
 
   // What the block did so far, as a layer for the stock; afterwards the block goes on from there.
   void close(Stock& stock);
@@ -53,6 +56,7 @@ class BlockStock {
  private:
   struct TopRun {
     float lo, hi;
+    std::uint32_t bead;  // that laid it last
   };
   float exact_top(std::size_t cell) const;
   void apply_cut();
@@ -63,6 +67,7 @@ class BlockStock {
   std::vector<float> surface_;  // lowest the cutter has been; +infinity
   std::vector<float> guard_;
   CellRect cut_rect_, deposit_rect_;
+  std::uint32_t bead_ = 0;
   std::vector<TopRun> run_;  // the topmost deposit of each column, while depositing
   struct Buried {
     std::uint32_t cell;

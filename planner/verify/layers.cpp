@@ -11,6 +11,9 @@ namespace {
 constexpr float kInf = std::numeric_limits<float>::infinity();
 // Deposits closer than this along a line are one: neighbouring cells of one bead.
 constexpr float kMergeGap = 1e-3f;
+// Steeper than this between neighbouring cells stands a wall, somewhere between their centres: each
+// cell then speaks for itself. Bilinear, the wall would always stand at the higher cell's centre.
+constexpr float kWall = 6.0f;
 
 }  // namespace
 
@@ -146,7 +149,8 @@ double CutLayer::surface(double x, double y) const {
   const double fx = x - i;
   const double fy = y - j;
   const float a = value(i, j), b = value(i + 1, j), c = value(i, j + 1), d = value(i + 1, j + 1);
-  if (a == kInf || b == kInf || c == kInf || d == kInf) {
+  const auto [low, high] = std::minmax({a, b, c, d});
+  if (high - low > kWall * static_cast<float>(view_.pitch) || high == kInf) {
     const float nearest = fy < 0.5 ? (fx < 0.5 ? a : b) : (fx < 0.5 ? c : d);
     return static_cast<double>(nearest);
   }

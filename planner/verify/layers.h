@@ -63,7 +63,7 @@ class CutLayer {
   void removed_on(const LayerLine& line, double t0, double t1, Intervals& removed) const;
 
  private:
-  double surface(double x, double y) const;  // between the cell centres: bilinear
+  double surface(double x, double y) const;  // bilinear between cell centres, but at walls
 
   View view_;
   CellRect rect_;

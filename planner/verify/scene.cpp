@@ -51,6 +51,11 @@ Scene::Scene(const SceneSolids& solids, const ToolBodies& tools, Mode mode, doub
       stock_(*solids.initial),
       outline_(outline_of(solids)) {}
 
+void Scene::end_bead() {
+  hanging_mm_ = 0;
+  if (block_) block_->next_bead();
+}
+
 void Scene::finish() {
   if (block_) block_->close(stock_);
   block_.reset();
@@ -251,8 +256,8 @@ void Scene::print(const Local& local) {
     if (bead.outside) {
       report(Fault::kDepositOutside, local, b, kMargin, "a bead leaves the part's surroundings");
     }
-    if (bead.fresh == 0) continue;
-    if (bead.supported * 5 >= bead.fresh) {
+    if (bead.judged == 0) continue;
+    if (bead.supported * 5 >= bead.judged) {
       hanging_mm_ = 0;
       continue;
     }

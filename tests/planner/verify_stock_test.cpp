@@ -146,7 +146,7 @@ TEST(VerifyStock, BeadIsWidthTimesHeightUnderTheNozzle) {
   Stock stock(box);
   BlockStock block(view, stock.columns(view));
   const Bead bead = block.deposit({-5, 0, 2.2}, {5, 0, 2.2}, 0.5, 0.2);
-  EXPECT_EQ(bead.supported, bead.fresh);
+  EXPECT_EQ(bead.supported, bead.judged);
   EXPECT_FALSE(bead.outside);
   block.close(stock);
   const double volume = stock.columns(view).deposited.length() * 0.05 * 0.05;
@@ -160,7 +160,7 @@ TEST(VerifyStock, BeadInTheAirHasNoSupport) {
   Stock stock(box);
   BlockStock block(view, stock.columns(view));
   const Bead bead = block.deposit({-5, 0, 2.5}, {5, 0, 2.5}, 0.5, 0.2);
-  EXPECT_GT(bead.fresh, 0);
+  EXPECT_GT(bead.judged, 0);
   EXPECT_EQ(bead.supported, 0);
 }
 
