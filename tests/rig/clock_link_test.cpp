@@ -6,6 +6,7 @@
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <sys/un.h>
+#include <termios.h>
 
 #include <cstring>
 #include <thread>
@@ -208,6 +209,43 @@ TEST(ClockLink, ALaterDaemonStartsFromTheCountsOfItsFirstTick) {
   tick = first;
   while (tick.cnc_out < first.cnc_out + 4) tick = daemon.answer_and_wait(tick, kNone);
   EXPECT_EQ(tick.cnc_out, first.cnc_out + 4);
+}
+
+// Opening the extruder's port as the preloaded library tells of it; closing is the handle's end.
+FileHandle open_extruder(Lockstep& daemon) {
+  FileHandle program(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, (daemon.folder.path / "dtr.sock").c_str());
+  const std::string message = "open " + daemon.ports.extruder.device();
+  EXPECT_EQ(::connect(program.get(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  EXPECT_EQ(::send(program.get(), message.data(), message.size(), 0),
+            static_cast<ssize_t>(message.size()));
+  return program;
+}
+
+TEST(ClockLink, OpeningTheExtrudersPortResetsTheBoardUnlessDtrStayedHigh) {
+  Lockstep daemon;
+  Tick tick = daemon.settled();
+  FileHandle program = open_extruder(daemon);
+  tick = daemon.answer_and_wait(tick, kNone);
+  EXPECT_EQ(daemon.board.resets, 1);
+  // Closed with HUPCL set, as a terminal has it: DTR falls, and opening raises it again.
+  program = FileHandle();
+  tick = daemon.answer_and_wait(tick, kNone);
+  program = open_extruder(daemon);
+  tick = daemon.answer_and_wait(tick, kNone);
+  EXPECT_EQ(daemon.board.resets, 2);
+  const FileHandle slave(::open(daemon.ports.extruder.device().c_str(), O_RDWR | O_NOCTTY));
+  termios settings{};
+  ASSERT_EQ(tcgetattr(slave.get(), &settings), 0);
+  settings.c_cflag &= ~static_cast<tcflag_t>(HUPCL);
+  ASSERT_EQ(tcsetattr(slave.get(), TCSANOW, &settings), 0);
+  program = FileHandle();
+  tick = daemon.answer_and_wait(tick, kNone);
+  program = open_extruder(daemon);
+  daemon.answer_and_wait(tick, kNone);
+  EXPECT_EQ(daemon.board.resets, 2);
 }
 
 TEST(ClockLink, TheBoardsTimeIsTheCncsTime) {

@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
+#include <termios.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -124,6 +125,12 @@ TEST(Ports, AKilledProgramHasClosedItsPort) {
 TEST(Ports, ClosingDropsDtrUnlessTheProgramSaysOtherwise) {
   Bench bench;
   EXPECT_TRUE(bench.port.drops_dtr_on_close());
+  const FileHandle program(::open(bench.port.link().c_str(), O_RDWR | O_NOCTTY));
+  termios settings{};
+  ASSERT_EQ(tcgetattr(program.get(), &settings), 0);
+  settings.c_cflag &= ~static_cast<tcflag_t>(HUPCL);
+  ASSERT_EQ(tcsetattr(program.get(), TCSANOW, &settings), 0);
+  EXPECT_FALSE(bench.port.drops_dtr_on_close());
 }
 
 TEST(Ports, TheLinkIsRemovedWithThePortAndReplacedWhenStale) {

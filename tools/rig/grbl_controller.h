@@ -104,6 +104,8 @@ class GrblController {
   void take_char(char c);
   void begin_line();
   int check_against_modal(const GcodeLine& line) const;
+
+  // grbl_execution.cpp: one line
   bool step_sync();
   bool step_dwell();
   bool step_move();
