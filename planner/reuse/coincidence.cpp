@@ -68,7 +68,9 @@ Touch corner_touch(const TriangleTree& other, const TriangleTree& self, std::uin
     return Touch{at_tip.contact, std::max(at_tip.distance, inside.distance)};
   };
   const Touch far = both(5 * tolerance, tolerance, kFacing);
-  return far.contact != Contact::kNone ? far : both(tolerance, tolerance / 10, kFacingNear);
+  if (far.contact != Contact::kNone) return far;
+  const Touch near = both(tolerance, tolerance / 10, kFacingNear);
+  return near.contact != Contact::kNone ? near : both(tolerance / 5, tolerance / 50, kFacingNear);
 }
 
 // For one mesh: contact of each corner (3 * triangle + k), how far the other surface is at most,
@@ -122,16 +124,38 @@ Contacts find_contacts(const TriangleTree& self, const TriangleTree& other, doub
   return contacts;
 }
 
-// Points of the initial surface that lie on a triangle of the target which is in contact only in
-// part.
-using PointsIn = std::map<std::uint32_t, std::vector<Vec3>>;
+// Points of the initial surface that lie on triangles of the target which are in contact only in
+// part: inside, by triangle; on an edge (lower vertex first), by the way along it.
+struct Insertions {
+  std::map<std::uint32_t, std::vector<Vec3>> inside;
+  std::map<std::array<std::uint32_t, 2>, std::vector<double>> on_edge;
+};
+
+// Notes a point for insertion. Nearer than the margin to a corner it is left out, nearer than that
+// to an edge it goes onto the edge.
+void note_point(Insertions& insertions, const TriangleMesh& mesh, std::uint32_t t,
+                const Vec3& point, double margin) {
+  for (int k = 0; k < 3; ++k) {
+    if ((corner(mesh, t, k) - point).norm() < margin) return;
+  }
+  for (int k = 0; k < 3; ++k) {
+    auto i = mesh.triangles[t][k], j = mesh.triangles[t][(k + 1) % 3];
+    if (i > j) std::swap(i, j);
+    const Vec3 along = mesh.vertices[j] - mesh.vertices[i];
+    const double way = (point - mesh.vertices[i]).dot(along) / along.squaredNorm();
+    if ((mesh.vertices[i] + way * along - point).norm() >= margin) continue;
+    insertions.on_edge[{i, j}].push_back(way);
+    return;
+  }
+  insertions.inside[t].push_back(point);
+}
 
 // Widens the target's distances by what the initial surface sees, and collects the points to
 // insert.
-PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
-                          const TriangleTree& initial, const Contacts& of_initial,
-                          double tolerance) {
-  PointsIn points;
+Insertions see_from_initial(Contacts& contacts, const TriangleTree& target,
+                            const TriangleTree& initial, const Contacts& of_initial,
+                            double tolerance) {
+  Insertions insertions;
   const TriangleMesh& mesh = initial.mesh();
   const auto note = [&](const Vec3& at, const Vec3& normal, bool insert) {
     std::uint32_t t = 0;
@@ -141,7 +165,7 @@ PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
     if (!insert) return;
     for (std::uint32_t k = 0; k < 3; ++k) {
       if (contacts.corners[3 * t + k].contact != Contact::kNone) continue;
-      points[t].push_back(at);
+      note_point(insertions, target.mesh(), t, at, tolerance);
       return;
     }
   };
@@ -155,28 +179,71 @@ PointsIn see_from_initial(Contacts& contacts, const TriangleTree& target,
     if (!any) continue;
     for (const Vec3& at : inner_samples(mesh, t)) note(at, initial.normal(t), false);
   }
-  return points;
+  return insertions;
 }
 
-// Puts points into a triangle that they lie on, dividing it. A point nearer than `margin` to a
-// corner or an edge of the triangle is left out: the surface may not be opened there.
-void insert_points(TriangleMesh& mesh, std::uint32_t t, const std::vector<Vec3>& points,
-                   double margin) {
-  std::vector<std::uint32_t> parts{t};
-  const auto distance_to_edge = [&](std::uint32_t part, int k, const Vec3& p) {
-    const Vec3 &a = corner(mesh, part, k), &b = corner(mesh, part, (k + 1) % 3);
-    const Vec3& c = corner(mesh, part, (k + 2) % 3);
-    const Vec3 normal = (b - a).cross(c - a);
-    return (b - a).cross(p - a).dot(normal) / (normal.norm() * (b - a).norm());
-  };
+// The parts a triangle has been divided into, itself first.
+using Parts = std::map<std::uint32_t, std::vector<std::uint32_t>>;
+
+// Divides the edge of each triangle around it.
+void insert_on_edges(TriangleMesh& mesh, const Insertions& insertions, double margin,
+                     Parts& parts) {
+  std::map<std::array<std::uint32_t, 2>, std::vector<std::uint32_t>> around;
+  for (const auto& entry : insertions.on_edge) around[entry.first];
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (int k = 0; k < 3; ++k) {
+      const auto i = mesh.triangles[t][k], j = mesh.triangles[t][(k + 1) % 3];
+      const auto found = around.find({std::min(i, j), std::max(i, j)});
+      if (found != around.end()) found->second.push_back(t);
+    }
+  }
+  for (const auto& [edge, unsorted] : insertions.on_edge) {
+    auto ways = unsorted;
+    std::sort(ways.begin(), ways.end());
+    const Vec3 start = mesh.vertices[edge[0]], along = mesh.vertices[edge[1]] - start;
+    auto last = edge[0];
+    double last_way = 0;
+    for (const double way : ways) {
+      if ((way - last_way) * along.norm() < margin) continue;
+      last_way = way;
+      const auto created = static_cast<std::uint32_t>(mesh.vertices.size());
+      mesh.vertices.push_back(start + way * along);
+      for (const auto t : around.at(edge)) {
+        auto& of_t = parts.try_emplace(t, 1, t).first->second;
+        const auto has_edge = [&](std::uint32_t part) {
+          const auto& corners = mesh.triangles[part];
+          return std::count(corners.begin(), corners.end(), last) == 1 &&
+                 std::count(corners.begin(), corners.end(), edge[1]) == 1;
+        };
+        const auto part = *std::find_if(of_t.begin(), of_t.end(), has_edge);
+        auto rest = mesh.triangles[part];
+        std::replace(mesh.triangles[part].begin(), mesh.triangles[part].end(), edge[1], created);
+        std::replace(rest.begin(), rest.end(), last, created);
+        of_t.push_back(static_cast<std::uint32_t>(mesh.triangles.size()));
+        mesh.triangles.push_back(rest);
+      }
+      last = created;
+    }
+  }
+}
+
+double distance_to_edge(const TriangleMesh& mesh, std::uint32_t t, int k, const Vec3& p) {
+  const Vec3 &a = corner(mesh, t, k), &b = corner(mesh, t, (k + 1) % 3);
+  const Vec3 normal = (b - a).cross(corner(mesh, t, (k + 2) % 3) - a);
+  return (b - a).cross(p - a).dot(normal) / (normal.norm() * (b - a).norm());
+}
+
+// Puts points into the parts of a triangle that they lie in, dividing them in three.
+void insert_inside(TriangleMesh& mesh, std::vector<std::uint32_t>& parts,
+                   const std::vector<Vec3>& points, double margin) {
   for (const Vec3& point : points) {
     for (const auto part : parts) {
       const double inside =
-          std::min({distance_to_edge(part, 0, point), distance_to_edge(part, 1, point),
-                    distance_to_edge(part, 2, point)});
+          std::min({distance_to_edge(mesh, part, 0, point), distance_to_edge(mesh, part, 1, point),
+                    distance_to_edge(mesh, part, 2, point)});
       if (!(inside > margin)) continue;
-      const Vec3 a = corner(mesh, part, 0), b = corner(mesh, part, 1), c = corner(mesh, part, 2);
-      const Vec3 normal = (b - a).cross(c - a).normalized();
+      const Vec3 a = corner(mesh, part, 0);
+      const Vec3 normal = (corner(mesh, part, 1) - a).cross(corner(mesh, part, 2) - a).normalized();
       const auto [i, j, k] = mesh.triangles[part];
       const auto created = static_cast<std::uint32_t>(mesh.vertices.size());
       mesh.vertices.push_back(point - (point - a).dot(normal) * normal);
@@ -187,6 +254,14 @@ void insert_points(TriangleMesh& mesh, std::uint32_t t, const std::vector<Vec3>&
       }
       break;
     }
+  }
+}
+
+void insert_points(TriangleMesh& mesh, const Insertions& insertions, double tolerance) {
+  Parts parts;
+  insert_on_edges(mesh, insertions, tolerance, parts);
+  for (const auto& [t, points] : insertions.inside) {
+    insert_inside(mesh, parts.try_emplace(t, 1, t).first->second, points, tolerance / 20);
   }
 }
 
@@ -312,6 +387,19 @@ Moves moves_for(const TriangleTree& tree, const Contacts& contacts, double toler
   return moves;
 }
 
+// Whether a triangle's corners have all been moved to its outer and to its inner side.
+bool is_clear(const Moves& moves, const TriangleTree& tree, std::uint32_t t) {
+  const Vec3& normal = tree.normal(t);
+  for (const auto v : tree.mesh().triangles[t]) {
+    const Vec3 &out = moves.outward[v], &in = moves.inward[v];
+    if (normal.isZero() ? out.isZero() || in.isZero()
+                        : !(out.dot(normal) > 0 && in.dot(normal) < 0)) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 Separation separate(const TriangleMesh& initial, const TriangleMesh& target, double tolerance_mm) {
@@ -324,20 +412,21 @@ Separation separate(const TriangleMesh& initial, const TriangleMesh& target, dou
     const TriangleTree tree(target);
     contacts = find_contacts(tree, initial_tree, tolerance_mm);
     of_initial = find_contacts(initial_tree, tree, tolerance_mm);
-    const PointsIn points =
-        see_from_initial(contacts, tree, initial_tree, of_initial, tolerance_mm);
-    for (const auto& [t, in_triangle] : points) {
-      insert_points(result.target, t, in_triangle, tolerance_mm);
-    }
+    insert_points(result.target,
+                  see_from_initial(contacts, tree, initial_tree, of_initial, tolerance_mm),
+                  tolerance_mm);
   }
   const TriangleTree tree(result.target);
   if (result.target.triangles.size() > target.triangles.size()) {
     contacts = find_contacts(tree, initial_tree, tolerance_mm);
     see_from_initial(contacts, tree, initial_tree, of_initial, tolerance_mm);
   }
-  result.target_settled = contacts.throughout;
   result.initial_settled = of_initial.throughout;
   const Moves moves = moves_for(tree, contacts, tolerance_mm);
+  result.target_settled.resize(result.target.triangles.size());
+  for (std::uint32_t t = 0; t < result.target_settled.size(); ++t) {
+    result.target_settled[t] = contacts.throughout[t] && is_clear(moves, tree, t);
+  }
   result.grown = result.shrunk = result.target;
   for (std::size_t v = 0; v < result.target.vertices.size(); ++v) {
     result.grown.vertices[v] += moves.outward[v];

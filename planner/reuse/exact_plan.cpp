@@ -199,6 +199,8 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
   AuditResult result;
   const auto components = printing_bases(complex, settings.is_skin);
   std::vector<Vec3> directions = settings.directions;
+  const auto own = facet_directions(components);
+  directions.insert(directions.end(), own.begin(), own.end());
   for (const auto& component : components) {
     ++result.counts.bases;
     if (!component.plano_convex) {
@@ -207,9 +209,6 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
                               " is not made of planar facets that bend away from each other.");
       result.bad_origins.insert(result.bad_origins.end(), component.origins.begin(),
                                 component.origins.end());
-    }
-    for (const Plane& plane : component.planes) {
-      if (plane.normal.z() >= 0) directions.push_back(plane.normal);
     }
   }
   const auto samples =

@@ -138,6 +138,21 @@ void judge(BaseComponent& base, const TriangleMesh& surface) {
 
 }  // namespace
 
+std::vector<Vec3> facet_directions(const std::vector<BaseComponent>& bases) {
+  constexpr double kLevel = 1e-3;
+  std::vector<Vec3> directions;
+  for (const BaseComponent& base : bases) {
+    if (!base.plano_convex) continue;
+    for (const Plane& plane : base.planes) {
+      Vec3 direction = plane.normal;
+      if (direction.z() < -kLevel) continue;
+      direction.z() = std::max(0.0, direction.z());
+      directions.push_back(direction.normalized());
+    }
+  }
+  return directions;
+}
+
 std::vector<BaseComponent> printing_bases(const CellComplex& complex,
                                           const std::vector<bool>& is_skin) {
   TriangleMesh surface;

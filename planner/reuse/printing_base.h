@@ -36,6 +36,9 @@ struct BaseComponent {
 };
 
 // `is_skin` by origin (volumes.h): what only a skin covers is no base.
+// The facets' normals as tool directions: those that do not look down (level within rounding).
+std::vector<Vec3> facet_directions(const std::vector<BaseComponent>& bases);
+
 std::vector<BaseComponent> printing_bases(const CellComplex& complex,
                                           const std::vector<bool>& is_skin);
 

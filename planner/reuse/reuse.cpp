@@ -68,6 +68,7 @@ class Planning {
   }
   Infeasible infeasible(std::vector<std::string> reasons) const;
   std::optional<Infeasible> prepare();
+  std::vector<Vec3> directions_with_bases() const;
   ClippingModel make_model(int round) const;
   Clipping start_of(const ClippingModel& model, int round);
   std::optional<AuditResult> prove(const ClippingModel& model, const Clipping& clipping);
@@ -157,10 +158,7 @@ std::optional<Infeasible> Planning::prepare() {
   plan_.base_height_ratio = lowest / bounds(initial_.mesh).max().z();
   samples_ = sample_borders(complex_, is_skin_, kSampleDistance, options_.seed);
   const TriangleMesh* obstacles[] = {&standing_, &fixture_};
-  std::vector<Vec3> directions = directions_;
-  for (const auto& base : bases_) {
-    if (base.plano_convex && base.mean_normal.z() >= 0) directions.push_back(base.mean_normal);
-  }
+  const std::vector<Vec3> directions = directions_with_bases();
   reach_ =
       reach_table(samples_, BitSet(samples_.size()), directions, obstacles, tools_, kReachPitch);
   for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -173,15 +171,19 @@ std::optional<Infeasible> Planning::prepare() {
   return std::nullopt;
 }
 
+std::vector<Vec3> Planning::directions_with_bases() const {
+  std::vector<Vec3> directions = directions_;
+  const auto own = facet_directions(bases_);
+  directions.insert(directions.end(), own.begin(), own.end());
+  return directions;
+}
+
 ClippingModel Planning::make_model(int round) const {
   ClippingOptions options;
   options.clearance_mm = 0.3 + 0.25 * round;
   const double pitch = std::max(0.4, std::cbrt(volume(standing_) / work_.samples));
-  std::vector<Vec3> directions = directions_;
-  for (const auto& base : bases_) {
-    if (base.plano_convex && base.mean_normal.z() >= 0) directions.push_back(base.mean_normal);
-  }
-  ClippingModel model(standing_, pitch, tools_, fixture_, std::move(directions), options);
+  const std::vector<Vec3> directions = directions_with_bases();
+  ClippingModel model(standing_, pitch, tools_, fixture_, directions, options);
   for (const auto& base : bases_) model.add_base(base, candidate_normals(base, kEvenDirections));
   model.require(bad_origins_);
   model.watch(samples_, reach_, false);

@@ -16,7 +16,7 @@ namespace reforge {
 namespace {
 
 constexpr double kBalance = 1e-6;  // relative
-constexpr double kSure = 1e-4;     // mm; farther from a surface, its side is beyond doubt
+constexpr double kSure = 2e-5;     // mm; farther from a surface, its side is beyond doubt
 
 using Edge = std::array<std::uint32_t, 2>;
 
