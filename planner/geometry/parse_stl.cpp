@@ -47,7 +47,6 @@ Result<TriangleMesh> parse_binary(std::string_view bytes, const std::string& nam
                                " triangles, but there are bytes for " + std::to_string(present) +
                                ".");
   }
-  if (count == 0) return malformed(name, "the STL file has no triangles.");
   std::vector<Vec3> corners;
   corners.reserve(std::size_t{3} * count);
   for (std::size_t i = 0; i < count; ++i) {
