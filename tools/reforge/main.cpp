@@ -3,18 +3,14 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "tools/reforge/daemon_commands.h"
 #include "tools/reforge/outcome.h"
 #include "tools/reforge/picture_command.h"
 #include "tools/reforge/report_command.h"
+#include "tools/reforge/verify_command.h"
 
 #if __has_include("tools/reforge/plan_command.h")
 #include "tools/reforge/plan_command.h"
-#endif
-#if __has_include("tools/reforge/verify_command.h")
-#include "tools/reforge/verify_command.h"
-#endif
-#if __has_include("tools/reforge/daemon_commands.h")
-#include "tools/reforge/daemon_commands.h"
 #endif
 
 int main(int argc, char** argv) {
@@ -29,12 +25,8 @@ int main(int argc, char** argv) {
 #if __has_include("tools/reforge/plan_command.h")
   reforge::add_plan_command(app, outcome);
 #endif
-#if __has_include("tools/reforge/verify_command.h")
   reforge::add_verify_command(app, outcome);
-#endif
-#if __has_include("tools/reforge/daemon_commands.h")
   reforge::add_daemon_commands(app, outcome);
-#endif
 
   try {
     app.parse(argc, argv);
