@@ -108,7 +108,7 @@ void Daemon::follow_virtual_clock() {
   virtual_clock_->run(
       {[this](std::uint64_t cnc, std::uint64_t extruder) { return ports_.has_read(cnc, extruder); },
        // While the journal is in trouble nothing would ever become durable.
-       [this] { return journal_.awaited() > 0 && !journal_.in_trouble(); },
+       [this] { return horizons_awaited_ > 0 && !journal_.in_trouble(); },
        [this] { return ports_.counts(); }, [this] { return !has_job(core_.snapshot().state); },
        [this](const std::string& sentence) {
          spdlog::error("{}", sentence);
@@ -135,7 +135,9 @@ void Daemon::after_core() {
 }
 
 void Daemon::perform(const RequestHorizon& action) {
+  ++horizons_awaited_;
   journal_.write(journal::RaiseHorizon{action.job, action.line}, [this, action](JobId) {
+    --horizons_awaited_;
     core_.horizon_durable(clock_->now(), action.job, action.line);
     after_core();
   });

@@ -90,6 +90,7 @@ class Daemon {
   std::string journal_trouble_;
   std::string progress_told_;
   bool performing_ = false;
+  int horizons_awaited_ = 0;  // asked for, not yet durable
   bool ending_ = false;
   DaemonEnd end_;
 };

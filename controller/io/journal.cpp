@@ -97,9 +97,7 @@ void Journal::written(const std::vector<Waiting>& batch, const std::vector<JobId
     if (const auto* lines = std::get_if<journal::Acknowledge>(&batch[i].record)) {
       handlers_.on_acknowledged(*lines);
     }
-    if (!batch[i].durable) continue;
-    --awaited_;
-    batch[i].durable(added[i]);
+    if (batch[i].durable) batch[i].durable(added[i]);
   }
 }
 
@@ -122,7 +120,6 @@ Journal::~Journal() {
 void Journal::write(journal::Record record, std::function<void(JobId)> durable) {
   const bool gathers = std::holds_alternative<journal::Acknowledge>(record);
   assert(!gathers || !durable);
-  if (durable) ++awaited_;
   {
     const std::lock_guard lock(shared_->mutex);
     auto* latest = shared_->queue.empty()

@@ -39,8 +39,6 @@ class Journal {
   // one that waits is replaced by the next.
   void write(journal::Record record, std::function<void(JobId)> durable = {});
 
-  // Records with a `durable` that has not been called yet.
-  std::size_t awaited() const { return awaited_; }
   bool in_trouble() const { return in_trouble_; }
 
  private:
@@ -51,7 +49,6 @@ class Journal {
 
   std::shared_ptr<Shared> shared_;
   Handlers handlers_;
-  std::size_t awaited_ = 0;
   bool in_trouble_ = false;
 };
 

@@ -231,7 +231,9 @@ TEST_F(OperatorDoor, SlowSubscriberMissesProgressOnly) {
   int progress = 0, jobs = 0;
   while (auto note = slow.hear()) {
     if ((*note)["method"] == "progress") ++progress;
-    if ((*note)["method"] == "job") EXPECT_EQ((*note)["params"]["i"], 100 * jobs++);
+    if ((*note)["method"] == "job") {
+      EXPECT_EQ((*note)["params"]["i"], 100 * jobs++);
+    }
     if ((*note)["method"] == "end") break;
   }
   EXPECT_EQ(jobs, 20);

@@ -104,7 +104,7 @@ class Crash : public ::testing::Test {
 };
 
 TEST_F(Crash, KilledDaemonLeavesNothingRunningAndItsSuccessorKnowsWhatWasSent) {
-  start_bead();
+  ASSERT_NO_FATAL_FAILURE(start_bead());
   const std::int64_t told = shop_.job(job_).acknowledged;
   shop_.kill_daemon();
 
@@ -145,7 +145,7 @@ TEST_F(Crash, KilledDaemonLeavesNothingRunningAndItsSuccessorKnowsWhatWasSent) {
 }
 
 TEST_F(Crash, FirstByteOfTheSuccessorIsAHold) {
-  start_bead();
+  ASSERT_NO_FATAL_FAILURE(start_bead());
   // The second time nobody has cleared the rig since: the same again.
   for (int i = 0; i < 2; ++i) {
     shop_.kill_daemon();
