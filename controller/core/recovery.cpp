@@ -25,9 +25,9 @@ std::string interruption_sentence(const LineCertainty& certainty, bool sent_know
     out += "; " + range(*lines) + " may not have been executed to the end";
   }
   if (const auto lines = uncertain_lines(certainty, sent_known)) {
-    out +=
-        "; " + range(*lines) +
-        (sent_known ? " were sent and may have been executed" : " may have been sent and executed");
+    const char* sent = lines->first == lines->last ? " was sent and may have been executed"
+                                                   : " were sent and may have been executed";
+    out += "; " + range(*lines) + (sent_known ? sent : " may have been sent and executed");
   } else {
     out += "; nothing after it was sent";
   }

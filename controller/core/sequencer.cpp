@@ -156,7 +156,12 @@ void Sequencer::Impl::take(const CncReport& event) {
 }
 
 void Sequencer::Impl::take_acknowledgement() {
-  if (!run) return;  // of a line before the reset
+  if (!run) {
+    if (state == RigState::kIdle) {
+      note(Note::Level::kWarning, "The CNC has acknowledged a line that nobody sent.");
+    }
+    return;
+  }
   switch (run->streamer.settle()) {
     case Streamer::Settled::kDrain:
       run->barrier.dwell_acknowledged = true;

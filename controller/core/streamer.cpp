@@ -73,9 +73,6 @@ Result<std::string> Streamer::pump() {
     encoded_.reset();
     certainty_.sent = next_++;
   }
-  if (at_end() && in_flight_.empty()) {
-    certainty_.sent = certainty_.acknowledged = program_->line_count();  // trailing comments
-  }
   return out;
 }
 
@@ -129,6 +126,7 @@ bool Streamer::at_end() const {
 
 void Streamer::mark_executed() {
   assert(in_flight_.empty());
+  if (at_end()) certainty_.sent = certainty_.acknowledged = program_->line_count();  // comments
   certainty_.executed = certainty_.acknowledged;
 }
 

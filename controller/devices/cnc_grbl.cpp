@@ -172,7 +172,7 @@ std::optional<CncReport> parse_feedback(std::string_view text) {
     }
     return cnc::Identity{"", "", bytes};
   }
-  if (text.size() > 4 && text[0] == 'G' && text[1] == '5' && text[3] == ':') {
+  if (text.size() >= 4 && text[0] == 'G' && text[1] == '5' && text[3] == ':') {
     cnc::WorkOffset offset{std::string(text.substr(0, 3)), 0, {}};
     offset.axes = parse_axes(text.substr(4), offset.offset);
     if (offset.axes == 0) return std::nullopt;

@@ -86,6 +86,7 @@ void ExtruderLink::opened(Instant now) {
   if (++session_ == 0) session_ = 1;
   sequence_ = 0;
   setting_ = 0;
+  hellos_ = 0;
   beat(now);
 }
 
@@ -162,6 +163,7 @@ void ExtruderLink::take_banner(Instant now, const wire::Banner& banner, Events& 
   if (banner.session == session_) {
     if (greeted_) return;  // a repeated hello
     greeted_ = true;
+    hellos_ = 0;
     beat(now);
     send_next(now);
     return;
@@ -229,6 +231,9 @@ void ExtruderLink::take_ack(Instant now, const wire::Frame& frame, Events& out) 
 }
 
 void ExtruderLink::finish(Instant now, wire::Reason reason, Events& out) {
+  if (reason == wire::Reason::kStale) {
+    return lose("The extruder board counts orders of another session.", out);
+  }
   const Outstanding over = *std::exchange(outstanding_, std::nullopt);
   const bool done = reason == wire::Reason::kNone;
   const std::string why(sentence_of(reason));
@@ -360,10 +365,15 @@ void ExtruderLink::beat(Instant now) {
   ++query_;
   if (!greeted_) {
     transmit(now, pack(wire::Hello{wire::kProtocolVersion, session_}, query_));
-  } else if (setting_ < std::size(kAgreements)) {
-    if (!outstanding_) transmit(now, pack(wire::GetSetting{kAgreements[setting_].id}, query_));
+  } else if (setting_ < std::size(kAgreements) && !outstanding_) {
+    transmit(now, pack(wire::GetSetting{kAgreements[setting_].id}, query_));
   } else {
     transmit(now, pack(wire::Type::kStatusQuery, query_));
+  }
+  if (!greeted_ && ++hellos_ >= times_.hellos) {
+    hellos_ = 0;
+    next_beat_ = now + dead_man_ + times_.dead_man_margin;
+    return;
   }
   const bool patient = !greeted_ || !identified_;
   next_beat_ = now + (patient       ? times_.hello

@@ -5,7 +5,8 @@
 // or late answer changes nothing. The heartbeat is a status query, so a lost kDone is found by the
 // next one. Starving: nothing is sent until the board's dead-man has cut heat and dropped its hold
 // output (a way to make it safe that moves nothing); then the heartbeat returns to report the
-// fault. Units: °C, mm, mm/s.
+// fault. Hellos that nobody answers pause as long, or a board that hears and cannot be heard would
+// stay hot. Units: °C, mm, mm/s.
 #pragma once
 
 #include <cstdint>
@@ -30,8 +31,9 @@ struct ExtruderTimes {
   Duration acknowledge = std::chrono::milliseconds(100);  // then the order is sent again
   int attempts = 5;
   Duration hello = std::chrono::milliseconds(500);  // between hellos
-  Duration heat_up = std::chrono::minutes(10);      // kDone of M70
-  Duration finish = std::chrono::seconds(15);       // kDone of the others
+  int hellos = 5;  // unanswered in a row; then a pause that lets the dead-man act
+  Duration heat_up = std::chrono::minutes(10);  // kDone of M70
+  Duration finish = std::chrono::seconds(15);   // kDone of the others
   Duration dead_man_margin = std::chrono::seconds(1);
 };
 
@@ -130,6 +132,7 @@ class ExtruderLink {
   bool starving_ = false;
   bool fault_reported_ = false;
   bool wants_extrusion_ = false;  // M72 ordered and no M73 since
+  int hellos_ = 0;                // unanswered so far
   std::size_t setting_ = 0;       // the next of the settings to compare
   std::uint8_t sequence_ = 0;     // of the last order
   std::uint8_t query_ = 0;        // of the last question

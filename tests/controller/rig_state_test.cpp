@@ -60,7 +60,9 @@ TEST(RigState, AJobEndsExactlyWhereTheRigLeavesIt) {
     const Step next = step(state, event);
     const bool over = has(next, Effect::kJobOver) || has(next, Effect::kJobRefused);
     EXPECT_EQ(over, has_job(state) && !has_job(next.next)) << name(state) << " × " << name(event);
-    if (has(next, Effect::kJobRefused)) EXPECT_EQ(state, RigState::kStarting);
+    if (has(next, Effect::kJobRefused)) {
+      EXPECT_EQ(state, RigState::kStarting);
+    }
   });
 }
 

@@ -224,8 +224,8 @@ TEST(Sequencer, AbortAtAClearHeightLetsTheModuleRetreat) {
   ASSERT_TRUE(bench.start(bench_program(printing())));
   ASSERT_TRUE(bench.run_until([&] { return bench.extruder.state == wire::State::kReady; }));
   ASSERT_TRUE(bench.order(AbortOrder{}).ok());
-  ASSERT_TRUE(bench.run_until([&] { return bench.state() == RigState::kIdle; }, 10s));
-  EXPECT_EQ(bench.extruder.state, wire::State::kClosed);
+  ASSERT_TRUE(bench.run_until([&] { return bench.extruder.state == wire::State::kClosed; }, 10s));
+  EXPECT_EQ(bench.state(), RigState::kIdle);
 }
 
 TEST(Sequencer, EmergencyResetsAtOnceAndStopsFeedingTheExtruder) {
@@ -272,7 +272,9 @@ TEST(Sequencer, ATargetOutsideTheTravelIsAnAlarmThatTheOperatorClears) {
   EXPECT_NE(bench.job_sentence().find("ALARM:2"), std::string::npos);
   bench.run_for(2s);
   ASSERT_TRUE(bench.state() == RigState::kFault || bench.state() == RigState::kIdle);
-  if (bench.state() == RigState::kFault) ASSERT_TRUE(bench.order(ClearOrder{}).ok());
+  if (bench.state() == RigState::kFault) {
+    ASSERT_TRUE(bench.order(ClearOrder{}).ok());
+  }
   ASSERT_TRUE(bench.run_until([&] { return bench.state() == RigState::kIdle; }, 5s));
 }
 
@@ -308,9 +310,11 @@ TEST(Sequencer, ALostAcknowledgementEndsTheJobInsteadOfHangingIt) {
       << bench.job_sentence();
 }
 
-TEST(Sequencer, ADoubledAcknowledgementIsFound) {
+TEST(Sequencer, ADoubledAcknowledgementIsFoundAtTheNextBarrier) {
   RigBench bench;
-  start_milling(bench, 60);
+  bench.plug_both();
+  ASSERT_TRUE(bench.start(bench_program(printing())));
+  ASSERT_TRUE(bench.run_until([&] { return bench.extruder.state == wire::State::kReady; }));
   bool doubled = false;
   bench.spoil = [&](std::string said) {
     const std::size_t at = said.find("ok\r\n");
@@ -473,7 +477,9 @@ TEST(Sequencer, AfterACrashTheFirstByteIsAHoldAndNothingElseMoves) {
   RigBench crashed;
   start_depositing(crashed);
   // The daemon is gone; a new one finds both devices as they were.
-  RigBench bench;
+  CoreOptions options = RigBench::virtual_ports();
+  options.extruder_session = 4711;
+  RigBench bench(options);
   bench.cnc = std::move(crashed.cnc);
   bench.extruder = crashed.extruder;
   bench.now = crashed.now + 700ms;
@@ -481,7 +487,7 @@ TEST(Sequencer, AfterACrashTheFirstByteIsAHoldAndNothingElseMoves) {
   bench.owes_hold = bench.only_holds_and_queries = true;
   bench.plug_both();
   bench.run_for(10s);
-  EXPECT_EQ(bench.state(), RigState::kSuspended) << bench.core.snapshot().sentence;
+  EXPECT_EQ(bench.state(), RigState::kFault) << "the board's dead-man has latched";
   EXPECT_FALSE(bench.extruder.pushes());
   EXPECT_FALSE(bench.extruder.hot());
   EXPECT_EQ(bench.cnc->state_name(), "Hold:0");
@@ -491,6 +497,39 @@ TEST(Sequencer, AfterACrashTheFirstByteIsAHoldAndNothingElseMoves) {
   ASSERT_TRUE(bench.order(ClearOrder{true}).ok());
   ASSERT_TRUE(bench.run_until([&] { return bench.state() == RigState::kIdle; }, 10s))
       << bench.core.snapshot().sentence;
+}
+
+TEST(Sequencer, AfterACrashInMillingTheRigIsSuspendedUntilCleared) {
+  RigBench crashed;
+  start_milling(crashed);
+  CoreOptions options = RigBench::virtual_ports();
+  options.extruder_session = 4711;
+  RigBench bench(options);
+  bench.cnc = std::move(crashed.cnc);
+  bench.extruder = crashed.extruder;
+  bench.now = crashed.now + 200ms;
+  bench.core.recover_interrupted();
+  bench.owes_hold = bench.only_holds_and_queries = true;
+  bench.plug_both();
+  bench.run_for(10s);
+  EXPECT_EQ(bench.state(), RigState::kSuspended) << bench.core.snapshot().sentence;
+  EXPECT_EQ(bench.cnc->state_name(), "Hold:0");
+  bench.only_holds_and_queries = false;
+  ASSERT_TRUE(bench.order(ClearOrder{}).ok());
+  ASSERT_TRUE(bench.run_until([&] { return bench.state() == RigState::kIdle; }, 10s));
+}
+
+TEST(Sequencer, ABoardThatCountsAnotherSessionsOrdersIsGreetedAnew) {
+  RigBench crashed;
+  start_milling(crashed);
+  RigBench bench;  // by chance the same session number
+  bench.extruder = crashed.extruder;
+  bench.now = crashed.now;
+  bench.core.recover_interrupted();
+  bench.plug_both();
+  bench.run_for(3s);
+  EXPECT_NE(bench.state(), RigState::kDisconnected);
+  EXPECT_EQ(bench.extruder.executed.back().m_code, 73);
 }
 
 TEST(Sequencer, ShutdownHoldsAndInterruptsTheJob) {
