@@ -55,10 +55,8 @@ Surface to_surface(const TriangleMesh& mesh) {
 Vec3 rounded(const Point& point) {
   // exact() first: the double must not depend on how far the lazy number has been evaluated.
   const auto& exact = point.exact();
-  return Vec3(CGAL::to_double(exact.x()), CGAL::to_double(exact.y()), CGAL::to_double(exact.z()))
-             .cast<float>()
-             .cast<double>() +
-         Vec3::Zero();
+  return rounded_to_float(Vec3(CGAL::to_double(exact.x()), CGAL::to_double(exact.y()),
+                               CGAL::to_double(exact.z())));
 }
 
 // One of the two surfaces after both have been cut along each other.

@@ -88,7 +88,7 @@ std::string binary_stl(const TriangleMesh& mesh) {
   for (const auto& triangle : mesh.triangles) {
     Vec3 corner[3];
     for (int i = 0; i < 3; ++i) {
-      corner[i] = mesh.vertices[triangle[i]].cast<float>().cast<double>();
+      corner[i] = rounded_to_float(mesh.vertices[triangle[i]]);
     }
     const Vec3 cross = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
     const double length = cross.norm();
@@ -111,10 +111,18 @@ Status write_binary_stl(const TriangleMesh& mesh, const std::filesystem::path& f
   return Unit{};
 }
 
+Vec3 rounded_to_float(const Vec3& point) {
+  // volatile: g++ 12 at -O2 drops the way to float and back when it packs two of them into a
+  // vector (-ftree-slp-vectorize), and leaves x and y as they were.
+  const auto rounded = [](double x) {
+    const volatile float narrow = static_cast<float>(x);
+    return static_cast<double>(narrow) + 0.0;  // + 0 turns -0 into 0
+  };
+  return {rounded(point.x()), rounded(point.y()), rounded(point.z())};
+}
+
 TriangleMesh rounded_to_float(TriangleMesh mesh) {
-  for (Vec3& vertex : mesh.vertices) {
-    vertex = vertex.cast<float>().cast<double>() + Vec3::Zero();  // + 0 turns -0 into 0
-  }
+  for (Vec3& vertex : mesh.vertices) vertex = rounded_to_float(vertex);
   return mesh;
 }
 

@@ -36,8 +36,9 @@ Result<TriangleMesh> parse_mesh(std::string_view bytes, MeshFormat format, const
 std::string binary_stl(const TriangleMesh& mesh);
 Status write_binary_stl(const TriangleMesh& mesh, const std::filesystem::path& file);
 
-// Rounds every coordinate to the nearest float, so that what is written to STL is what was
+// The nearest point, or mesh, with float coordinates, so that what is written to STL is what was
 // computed.
+Vec3 rounded_to_float(const Vec3& point);
 TriangleMesh rounded_to_float(TriangleMesh mesh);
 
 }  // namespace reforge

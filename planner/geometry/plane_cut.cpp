@@ -17,6 +17,8 @@
 #include <optional>
 
 #include "planner/geometry/height_map.h"
+#include "planner/geometry/mesh_io.h"
+#include "planner/geometry/mesh_io.h"
 #include "planner/geometry/mesh_topology.h"
 
 namespace reforge {
@@ -60,7 +62,7 @@ void split_edges(Split& split, const Plane& plane, std::uint8_t region) {
       if (!is_new) continue;
       const double t = s[a] / (s[a] - s[b]);
       const Vec3 point = complex.vertices[a] + t * (complex.vertices[b] - complex.vertices[a]);
-      complex.vertices.push_back(point.cast<float>().cast<double>() + Vec3::Zero());
+      complex.vertices.push_back(rounded_to_float(point));
       s.push_back(0);
     }
   }

@@ -54,6 +54,18 @@ TEST(MeshIo, BinaryStlReturnsWhatWasWritten) {
   EXPECT_DOUBLE_EQ(volume(*read), volume(box));
 }
 
+TEST(MeshIo, RoundingReachesEveryCoordinate) {
+  TriangleMesh mesh;
+  mesh.vertices = {Vec3(0.1, 0.2, 0.3), Vec3(-1.1, -0.0, 16.9999)};
+  const TriangleMesh rounded = rounded_to_float(mesh);
+  for (std::size_t v = 0; v < 2; ++v) {
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_EQ(rounded.vertices[v][k],
+                static_cast<double>(static_cast<float>(mesh.vertices[v][k])));
+    }
+  }
+}
+
 TEST(MeshIo, AnEmptyMeshWritesAValidFileWithoutTriangles) {
   EXPECT_EQ(binary_stl({}), std::string(84, '\0'));
 }
