@@ -153,7 +153,6 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
   assert(cut_rect_.empty());
   const View& grid = view();
   if (run_.empty()) run_.assign(grid.cells(), TopRun{kInf, -kInf, 0});
-  if (bead_ == 0) bead_ = 1;
   const Capsule capsule(grid, a, b, 0.5 * width);
   Bead bead;
   const int j0 = capsule.first_row(), j1 = capsule.end_row();
@@ -162,6 +161,9 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
   const double half_squared = 0.25 * width * width;
   constexpr float kTouch = 1e-3f;
   const double hair = 0.013 * grid.pitch;
+  path_mm_ += d.norm();
+  const auto path_mm = static_cast<float>(path_mm_);
+  const auto fresh_from = static_cast<float>(path_mm_ - d.norm() - 2 * width);
   for (int j = j0; j < j1; ++j) {
     int i0 = 0, i1 = 0;
     if (!capsule.span(j, i0, i1)) continue;
@@ -185,17 +187,17 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
       TopRun& run = run_[cell];
       const bool laid =
           static_cast<double>(below) >= w - 0.7 * height;  // this layer is there already
-      if (!laid || run.bead != bead_) {
+      if (!laid || run.path_mm < fresh_from) {
         ++bead.judged;
         if (static_cast<double>(below) >= w - 1.95 * height) ++bead.supported;
       }
       if (run.hi < run.lo) {
-        run = {lo, hi, bead_};
+        run = {lo, hi, path_mm};
       } else if (lo <= run.hi + kTouch && hi >= run.lo - kTouch) {
-        run = {std::min(run.lo, lo), std::max(run.hi, hi), bead_};
+        run = {std::min(run.lo, lo), std::max(run.hi, hi), path_mm};
       } else {
         buried_.push_back({static_cast<std::uint32_t>(cell), {run.lo, run.hi}});
-        run = {lo, hi, bead_};
+        run = {lo, hi, path_mm};
       }
       envelope_.raise(i, j, hi);
     }

@@ -19,7 +19,7 @@ struct Gouge {
 };
 
 struct Bead {
-  int judged = 0;        // columns under the bead that it had not laid before
+  int judged = 0;        // columns under the bead, but those it has only just laid
   int supported = 0;     // of those, with material less than a layer beneath, or a bead beside
   bool outside = false;  // beyond the grid: beyond the part and its margin
 };
@@ -45,10 +45,8 @@ class BlockStock {
 
   // Only when not cutting. Lays a bead of this width and height under the nozzle tip on its way
   // from a to b.
-  // What it laid since the last `next_bead` is no support to itself.
+  // What was laid within the last two widths of path is no support to itself.
   Bead deposit(const Vec3& a, const Vec3& b, double width, double height);
-
-  void next_bead() { ++bead_; }
 
   // What the block did so far, as a layer for the stock; afterwards the block goes on from there.
   void close(Stock& stock);
@@ -56,7 +54,7 @@ class BlockStock {
  private:
   struct TopRun {
     float lo, hi;
-    std::uint32_t bead;  // that laid it last
+    float path_mm;  // laid up to then
   };
   float exact_top(std::size_t cell) const;
   void apply_cut();
@@ -67,7 +65,7 @@ class BlockStock {
   std::vector<float> surface_;  // lowest the cutter has been; +infinity
   std::vector<float> guard_;
   CellRect cut_rect_, deposit_rect_;
-  std::uint32_t bead_ = 0;
+  double path_mm_ = 0;       // deposited along so far
   std::vector<TopRun> run_;  // the topmost deposit of each column, while depositing
   struct Buried {
     std::uint32_t cell;

@@ -65,6 +65,8 @@ std::string_view name_of(Fault fault) {
       return "end_state";
     case Fault::kDeviation:
       return "deviation";
+    case Fault::kNotPrinted:
+      return "not_printed";
     case Fault::kLeftOver:
       return "left_over";
   }

@@ -44,6 +44,7 @@ enum class Fault {
   kDepositOutside,     // a bead beyond the part
   kEndState,           // the end with heater, spindle or extrusion on; or no end
   kDeviation,          // the finished part lacks material it should have
+  kNotPrinted,         // a good part of what was to be added has no bead near
   kLeftOver,           // a lump that was to be milled away is still there
 };
 constexpr std::size_t kFaults = static_cast<std::size_t>(Fault::kLeftOver) + 1;

@@ -51,11 +51,6 @@ Scene::Scene(const SceneSolids& solids, const ToolBodies& tools, Mode mode, doub
       stock_(*solids.initial),
       outline_(outline_of(solids)) {}
 
-void Scene::end_bead() {
-  hanging_mm_ = 0;
-  if (block_) block_->next_bead();
-}
-
 void Scene::finish() {
   if (block_) block_->close(stock_);
   block_.reset();

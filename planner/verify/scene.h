@@ -52,7 +52,7 @@ class Scene {
 
   void move(const SceneMove& move, const Place& place);
   // The bead ended: what hangs is judged.
-  void end_bead();
+  void end_bead() { hanging_mm_ = 0; }
   // The last block's work goes into the stock.
   void finish();
 

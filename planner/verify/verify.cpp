@@ -15,6 +15,8 @@ using namespace verify;
 constexpr double kFinePitch = 0.1;
 constexpr double kCoarsePitch = 0.2;
 constexpr double kColumnsMax = 4e6;
+constexpr double kBareShare = 0.05;   // of the added volume that may be without beads: thin edges
+constexpr double kBareLeast = 5.0;    // mm^3, likewise
 constexpr double kMissingArea = 0.5;  // mm^2 of surface that lacks more than 0.15 mm
 
 const TriangleMesh* pointer(const std::optional<TriangleMesh>& mesh) {
@@ -46,6 +48,17 @@ void judge_deviation(const PartOutcome& part, Findings& findings) {
   };
   judge(part.milled, "milled");
   judge(part.kept, "kept");
+}
+
+void judge_added(const PartOutcome& part, const VerifyInputs& inputs, Findings& findings) {
+  if (!inputs.added) return;
+  const double planned = volume(*inputs.added);
+  const double bare = planned - part.plan_covered;
+  if (bare <= std::max(kBareShare * planned, kBareLeast)) return;
+  findings.add(Fault::kNotPrinted, 0, 0, Vec3::Zero(), 0, [&] {
+    return "of the " + millimetres(planned) + " mm3 to be added " + millimetres(bare) +
+           " mm3 have no bead within an infill gap";
+  });
 }
 
 std::map<std::string, double> numbers(const Deviation& d) {
@@ -113,6 +126,7 @@ Result<Verification> verify_program(std::istream& program, const VerifyInputs& i
        inputs.rig.extrusion.bead_width_mm / std::max(inputs.rig.extrusion.infill, 0.05)},
       v.pitch_mm);
   judge_deviation(v.part, v.findings);
+  judge_added(v.part, inputs, v.findings);
   if (inputs.reused) {
     const TriangleMesh* fixture = inputs.mode == Mode::kStrict ? pointer(inputs.fixture) : nullptr;
     const LeftOver left =

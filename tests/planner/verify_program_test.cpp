@@ -241,6 +241,15 @@ TEST(VerifyProgram, ALostBlockLeavesALump) {
   EXPECT_TRUE(has(v, Fault::kLeftOver)) << all_of(v);
 }
 
+TEST(VerifyProgram, LayersNeverPrintedAreFound) {
+  World world;
+  const std::size_t first = world.find("; path 10");
+  const std::size_t end = world.find("G0 Z80", 3);
+  world.lines.erase(world.lines.begin() + static_cast<std::ptrdiff_t>(first),
+                    world.lines.begin() + static_cast<std::ptrdiff_t>(end));
+  EXPECT_TRUE(has(world.verify(), Fault::kNotPrinted));
+}
+
 TEST(VerifyProgram, PaperModeKnowsNeitherTravelNorFixture) {
   World world;
   world.inputs.mode = Mode::kPaper;
