@@ -41,7 +41,20 @@ std::vector<Vec3> points_on(const TriangleMesh& mesh, double spacing) {
   return points;
 }
 
+bool any_clear(const std::vector<Blockers>& alternatives, const BitSet& taken) {
+  return std::any_of(alternatives.begin(), alternatives.end(),
+                     [&](const Blockers& blockers) { return blockers.clear(taken); });
+}
+
 }  // namespace
+
+Blockers::Blockers(const BitSet& set) {
+  std::size_t end = set.words.size();
+  while (end > 0 && set.words[end - 1] == 0) --end;
+  while (first_word < end && set.words[first_word] == 0) ++first_word;
+  words.assign(set.words.begin() + static_cast<std::ptrdiff_t>(first_word),
+               set.words.begin() + static_cast<std::ptrdiff_t>(end));
+}
 
 ClippingModel::ClippingModel(const TriangleMesh& reused, double pitch_mm, const ToolBodies& tools,
                              const TriangleMesh& fixture, std::vector<Vec3> directions,
@@ -62,7 +75,8 @@ ClippingModel::ClippingModel(const TriangleMesh& reused, double pitch_mm, const 
     }
   }
   const BitSet none(samples_.size());
-  for (const Vec3& direction : directions_) projections_.push_back(project(direction, none));
+  for (const Vec3& direction : directions_)
+    projections_.push_back(project(direction, none, -1e300));
   if (fixture.empty()) return;
   const TriangleMesh* obstacles[] = {&fixture};
   for (const Vec3& direction : directions_) {
@@ -127,8 +141,12 @@ void ClippingModel::add_blocker_slots(std::size_t most) {
     if (near) continue;
     served.push_back(point.sample.position);
     Slot slot;
-    for (std::uint32_t i = 0; i < samples_.size(); ++i) {
-      if (point.blockers.front().test(i)) slot.anchors.push_back(i);
+    const Blockers& least = point.blockers.front();
+    for (std::size_t w = 0; w < least.words.size(); ++w) {
+      for (std::uint32_t bit = 0; bit < 64; ++bit) {
+        if (!(least.words[w] >> bit & 1)) continue;
+        slot.anchors.push_back(static_cast<std::uint32_t>(64 * (least.first_word + w)) + bit);
+      }
     }
     slot.normals = {Vec3::UnitZ()};
     for (const Vec3& d : directions_) {
@@ -146,14 +164,15 @@ void ClippingModel::add_top_slot() {
   slots_.push_back(std::move(slot));
 }
 
-ClippingModel::Projection ClippingModel::project(const Vec3& direction,
-                                                 const BitSet& without) const {
+ClippingModel::Projection ClippingModel::project(const Vec3& direction, const BitSet& without,
+                                                 double above) const {
   Projection result;
   result.frame = Frame::along(direction);
   std::vector<std::pair<float, std::uint32_t>> order;
   for (std::uint32_t i = 0; i < samples_.size(); ++i) {
-    if (without.test(i)) continue;
-    order.emplace_back(static_cast<float>(samples_.points[i].dot(direction)), i);
+    const double height = samples_.points[i].dot(direction);
+    if (height <= above || without.test(i)) continue;
+    order.emplace_back(static_cast<float>(height), i);
   }
   std::sort(order.begin(), order.end());
   for (const auto& [height, i] : order) {
@@ -250,7 +269,7 @@ void ClippingModel::watch(const std::vector<SurfaceSample>& samples, const Reach
       std::stable_sort(found.begin(), found.end(),
                        [](const auto& a, const auto& b) { return a.first < b.first; });
       if (found.size() > options_.directions_kept) found.resize(options_.directions_kept);
-      for (auto& [count, set] : found) point.blockers.push_back(std::move(set));
+      for (auto& [count, set] : found) point.blockers.emplace_back(set);
       watched_.push_back(std::move(point));
     }
   }
@@ -271,13 +290,18 @@ double ClippingModel::highest_offset(const Slot& slot, const Vec3& normal) const
 }
 
 std::shared_ptr<Cut> ClippingModel::cut(std::size_t slot, const Plane& plane) const {
-  BitSet beyond(samples_.size());
+  // Matter thinner than a voxel connects too: the flood runs through samples just below the plane.
+  const double thin = 0.87 * samples_.grid.pitch_mm;
+  BitSet beyond(samples_.size()), connecting(samples_.size());
   for (std::uint32_t i = 0; i < samples_.size(); ++i) {
-    if (plane.signed_distance(samples_.points[i]) > 0) beyond.set(i);
+    const double above = plane.signed_distance(samples_.points[i]);
+    if (above > 0) beyond.set(i);
+    if (above > -thin) connecting.set(i);
   }
   auto result = std::make_shared<Cut>();
   result->plane = plane;
-  result->taken = flood(samples_, slots_[slot].anchors, beyond, Connectivity::kCorners);
+  result->taken = flood(samples_, slots_[slot].anchors, connecting, Connectivity::kCorners);
+  result->taken &= beyond;
   BitSet foot = foot_;
   foot &= result->taken;
   if (static_cast<double>(foot.count()) >
@@ -331,22 +355,11 @@ Clipping ClippingModel::combine(std::vector<std::shared_ptr<Cut>> cuts, double n
   return clipping;
 }
 
-bool ClippingModel::reached(const std::vector<BitSet>& alternatives, const BitSet& taken) const {
-  for (const BitSet& blocking : alternatives) {
-    bool clear = true;
-    for (std::size_t w = 0; w < taken.words.size() && clear; ++w) {
-      clear = (blocking.words[w] & ~taken.words[w]) == 0;
-    }
-    if (clear) return true;
-  }
-  return false;
-}
-
 void ClippingModel::make_caps(Cut& cut) const {
   cut.caps_made = true;
   const double pitch = samples_.grid.pitch_mm;
   const Vec3 n = cut.plane.normal;
-  const Projection beyond = project(n, cut.taken);
+  const Projection beyond = project(n, cut.taken, cut.plane.offset);
   const Frame& frame = beyond.frame;
   // Where a cap may be milled from: along its normal, else the nearest of the common directions.
   std::vector<std::size_t> leaning;
@@ -373,13 +386,13 @@ void ClippingModel::make_caps(Cut& cut) const {
     if (!used.insert(cell(local.x()) << 32 | cell(local.y())).second) continue;
     CapPoint cap{static_cast<std::uint32_t>(beneath), {}, {}};
     if (fixture_blocks(tools_.nozzle, at, n)) {
-      cap.nozzle_blockers = all_;
+      cap.nozzle_blockers = Blockers(all_);
     } else {
-      cap.nozzle_blockers = blockers(tools_.nozzle, at, beyond);
+      cap.nozzle_blockers = Blockers(blockers(tools_.nozzle, at, beyond));
     }
     // Along the normal the ball's tip is the cap point itself.
     const bool free_of_fixture = !fixture_blocks(tools_.cutter, at, n);
-    if (free_of_fixture) cap.cutter_blockers.push_back(blockers(tools_.cutter, at, beyond));
+    if (free_of_fixture) cap.cutter_blockers.emplace_back(blockers(tools_.cutter, at, beyond));
     const Vec3 centre = at + tools_.ball_radius_mm * n;
     for (const auto d : leaning) {
       if (!cap.cutter_blockers.empty() && !cap.cutter_blockers.back().any()) break;
@@ -387,7 +400,7 @@ void ClippingModel::make_caps(Cut& cut) const {
       if (fixture_blocks(true, tip, d)) continue;
       BitSet blocking = blockers(tools_.cutter, tip, projections_[d]);
       blocking.subtract(cut.taken);
-      cap.cutter_blockers.push_back(std::move(blocking));
+      cap.cutter_blockers.emplace_back(blocking);
     }
     // One that nothing can block again is enough.
     if (!cap.cutter_blockers.empty() && !cap.cutter_blockers.back().any()) {
@@ -405,15 +418,15 @@ void ClippingModel::count_blocked(Clipping& clipping) const {
         (point.matter >= 0 && clipping.taken.test(static_cast<std::uint32_t>(point.matter)));
     if (!(point.cutter ? point.sample.needs_cutter(goes) : point.sample.needs_nozzle(goes)))
       continue;
-    clipping.blocked += !reached(point.blockers, clipping.taken);
+    clipping.blocked += !any_clear(point.blockers, clipping.taken);
   }
   for (const auto& cut : clipping.cuts) {
     if (!cut) continue;
     if (!cut->caps_made) make_caps(*cut);
     for (const CapPoint& cap : cut->caps) {
       if (clipping.taken.test(cap.beneath)) continue;
-      clipping.blocked += !reached({cap.nozzle_blockers}, clipping.taken);
-      clipping.blocked += !reached(cap.cutter_blockers, clipping.taken);
+      clipping.blocked += !cap.nozzle_blockers.clear(clipping.taken);
+      clipping.blocked += !any_clear(cap.cutter_blockers, clipping.taken);
     }
   }
 }

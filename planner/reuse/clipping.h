@@ -28,6 +28,23 @@
 
 namespace reforge {
 
+// The samples of V~_R that stand in the way of a tool at one place: bits of consecutive numbers.
+struct Blockers {
+  std::size_t first_word = 0;
+  std::vector<std::uint64_t> words;
+
+  Blockers() = default;
+  explicit Blockers(const BitSet& set);
+  bool any() const { return !words.empty(); }
+  // Whether all of them have been taken away.
+  bool clear(const BitSet& taken) const {
+    for (std::size_t w = 0; w < words.size(); ++w) {
+      if (words[w] & ~taken.words[first_word + w]) return false;
+    }
+    return true;
+  }
+};
+
 struct Slot {
   std::vector<std::uint32_t> anchors;  // samples of V~_R
   std::vector<Vec3> points;            // must all lie beyond the plane
@@ -39,8 +56,8 @@ struct Slot {
 // A point on a cut face: milled, then printed on along the plane's normal.
 struct CapPoint {
   std::uint32_t beneath;  // the sample just below it; without it the cap is not there
-  BitSet nozzle_blockers;
-  std::vector<BitSet> cutter_blockers;  // by direction; one of them must be clear
+  Blockers nozzle_blockers;
+  std::vector<Blockers> cutter_blockers;  // by direction; one of them must be clear
 };
 
 struct Cut {
@@ -63,10 +80,10 @@ struct Clipping {
 // A surface sample out of reach while all of V~_R stands.
 struct WatchedPoint {
   SurfaceSample sample;
-  std::int32_t matter = -1;      // the sample of V~_R it lies on, -1: none
-  bool always_goes = false;      // it lies on a base that is taken as a whole
-  bool cutter = false;           // by the cutter, else by the nozzle
-  std::vector<BitSet> blockers;  // by direction, the least blocked first
+  std::int32_t matter = -1;        // the sample of V~_R it lies on, -1: none
+  bool always_goes = false;        // it lies on a base that is taken as a whole
+  bool cutter = false;             // by the cutter, else by the nozzle
+  std::vector<Blockers> blockers;  // by direction, the least blocked first
 };
 
 struct ClippingOptions {
@@ -111,13 +128,13 @@ class ClippingModel {
 
  private:
   void make_caps(Cut& cut) const;
-  // The samples in height order along one direction, in its frame.
+  // Samples in height order along one direction, in its frame.
   struct Projection {
     Frame frame;
     std::vector<float> u, v, h;
     std::vector<std::uint32_t> number;
   };
-  Projection project(const Vec3& direction, const BitSet& without) const;
+  Projection project(const Vec3& direction, const BitSet& without, double above) const;
   BitSet blockers(const std::vector<ToolSection>& sections, const Vec3& tip,
                   const Projection& along) const;
   // Whether base or fixture keep a tool from standing there, along any direction or a common one.
@@ -125,7 +142,6 @@ class ClippingModel {
                       const Vec3& direction) const;
   bool fixture_blocks(bool cutter, const Vec3& tip, std::size_t direction) const;
   std::int32_t sample_near(const Vec3& point) const;
-  bool reached(const std::vector<BitSet>& alternatives, const BitSet& taken) const;
 
   VoxelSet samples_;
   BitSet all_, foot_;

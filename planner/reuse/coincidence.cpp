@@ -387,17 +387,11 @@ Moves moves_for(const TriangleTree& tree, const Contacts& contacts, double toler
   return moves;
 }
 
-// Whether a triangle's corners have all been moved to its outer and to its inner side.
-bool is_clear(const Moves& moves, const TriangleTree& tree, std::uint32_t t) {
-  const Vec3& normal = tree.normal(t);
-  for (const auto v : tree.mesh().triangles[t]) {
-    const Vec3 &out = moves.outward[v], &in = moves.inward[v];
-    if (normal.isZero() ? out.isZero() || in.isZero()
-                        : !(out.dot(normal) > 0 && in.dot(normal) < 0)) {
-      return false;
-    }
-  }
-  return true;
+// Whether all corners of a triangle have been moved.
+bool is_moved(const Moves& moves, const std::array<std::uint32_t, 3>& triangle) {
+  return std::none_of(triangle.begin(), triangle.end(), [&](std::uint32_t v) {
+    return moves.outward[v].isZero() || moves.inward[v].isZero();
+  });
 }
 
 }  // namespace
@@ -425,7 +419,8 @@ Separation separate(const TriangleMesh& initial, const TriangleMesh& target, dou
   const Moves moves = moves_for(tree, contacts, tolerance_mm);
   result.target_settled.resize(result.target.triangles.size());
   for (std::uint32_t t = 0; t < result.target_settled.size(); ++t) {
-    result.target_settled[t] = contacts.throughout[t] && is_clear(moves, tree, t);
+    result.target_settled[t] =
+        contacts.throughout[t] && is_moved(moves, result.target.triangles[t]);
   }
   result.grown = result.shrunk = result.target;
   for (std::size_t v = 0; v < result.target.vertices.size(); ++v) {
@@ -434,14 +429,13 @@ Separation separate(const TriangleMesh& initial, const TriangleMesh& target, dou
   }
   result.moved.resize(result.target.triangles.size());
   for (std::size_t t = 0; t < result.moved.size(); ++t) {
-    int in_contact = 0;
-    for (std::size_t k = 0; k < 3; ++k) {
-      const auto v = result.target.triangles[t][k];
-      if (!moves.outward[v].isZero() || !moves.inward[v].isZero()) result.moved[t] = true;
-      in_contact += contacts.corners[3 * t + k].contact != Contact::kNone;
+    int moved = 0;
+    for (const auto v : result.target.triangles[t]) {
+      moved += !moves.outward[v].isZero() || !moves.inward[v].isZero();
     }
-    if (in_contact == 0) continue;
-    result.coincident_area_mm2 += in_contact / 3. * area_of(result.target, t);
+    result.moved[t] = moved > 0;
+    if (moved == 0) continue;
+    result.coincident_area_mm2 += moved / 3. * area_of(result.target, t);
     result.greatest_distance_mm = std::max(result.greatest_distance_mm, contacts.distance[t]);
   }
   return result;

@@ -33,7 +33,7 @@ struct Separation {
   // By triangle: in contact wherever looked at. Two settled triangles do not cross: if the moved
   // target seems to cross the initial part there, it is by the hair alone.
   std::vector<bool> target_settled, initial_settled;
-  double coincident_area_mm2 = 0;   // of the target's triangles, by corners in contact
+  double coincident_area_mm2 = 0;   // of the target's triangles, by corners moved
   double greatest_distance_mm = 0;  // between coincident surfaces
 };
 

@@ -9,34 +9,36 @@
 namespace reforge {
 namespace {
 
+constexpr double kPenaltyGrowth = 20;
+
 class Chain {
  public:
   Chain(const ClippingModel& model, const SearchOptions& options, std::uint64_t seed)
       : model_(model), options_(options), random_(seed) {
     const auto samples = static_cast<double>(model.samples().size());
-    penalty_ = std::max(20.0, 0.006 * samples);
-    hot_ = 0.012 * samples;
+    penalty_at_start_ = std::max(10.0, 0.004 * samples);
+    penalty_ = penalty_at_start_;
+    hot_ = 0.012 * samples * options.heat;
     cold_ = 0.0003 * samples;
   }
 
   void run(Clipping state) {
-    double energy = energy_of(state);
     offer(state);
     for (int step = 0; step < options_.steps; ++step) {
       if (options_.should_stop && options_.should_stop()) return;
       const double done = static_cast<double>(step) / options_.steps;
       const double heat = hot_ * std::pow(cold_ / hot_, done);
-      const double threshold = energy + heat * std::log(std::max(unit(), 1e-12));
+      // In the end nothing out of reach is worth any volume.
+      penalty_ = penalty_at_start_ * (1 + kPenaltyGrowth * done * done);
+      const double threshold = energy_of(state) + heat * std::log(std::max(unit(), 1e-12));
       auto cuts = changed(state, done);
       if (cuts.empty()) continue;
       Clipping next = model_.combine(std::move(cuts), threshold);
       // Points out of reach only cost: without them the step must be good enough already.
       if (static_cast<double>(next.kept) - penalty_ * 10 * next.uncovered < threshold) continue;
       model_.count_blocked(next);
-      const double next_energy = energy_of(next);
-      if (next_energy < threshold) continue;
+      if (energy_of(next) < threshold) continue;
       state = std::move(next);
-      energy = next_energy;
       offer(state);
     }
   }
@@ -71,7 +73,7 @@ class Chain {
       return cuts;
     }
     Plane plane;
-    const double reach = 12 * (1 - done) + 0.5;  // mm
+    const double reach = 12 * options_.heat * (1 - done) + 0.5;  // mm
     if (!cuts[s] || choice < 0.3) {
       if (slot.normals.empty()) return {};
       plane.normal = slot.normals[random_() % slot.normals.size()];
@@ -101,7 +103,7 @@ class Chain {
   const ClippingModel& model_;
   const SearchOptions& options_;
   std::mt19937_64 random_;
-  double penalty_, hot_, cold_;
+  double penalty_at_start_, penalty_, hot_, cold_;
 };
 
 }  // namespace

@@ -21,6 +21,7 @@ struct SearchOptions {
   std::uint64_t seed = 1;
   int chains = 4;
   int steps = 3000;                   // a chain
+  double heat = 1;                    // of the beginning; less stays nearer to the start
   std::function<bool()> should_stop;  // may be empty; asked often, from two threads
 };
 

@@ -21,6 +21,7 @@ constexpr double kSampleDistance = 2;  // mm, of S_S and S_A
 constexpr double kReachPitch = 0.5;    // mm
 constexpr int kRounds = 5;             // search, audit, learn
 constexpr std::size_t kAuditsARound = 4;
+constexpr double kGoodEnough = 0.97;  // of the best the search found, for a proven plan to end it
 
 using Outcome = std::variant<ReusePlan, Infeasible>;
 
@@ -33,11 +34,11 @@ Work work_for(Effort effort) {
     case Effort::kFast:
       return {2, 1200, 6000};
     case Effort::kDefault:
-      return {4, 3000, 9000};
+      return {4, 4000, 9000};
     case Effort::kHigh:
       return {12, 8000, 14000};
   }
-  return {4, 3000, 9000};
+  return {4, 4000, 9000};
 }
 
 // One placed pair on its way to a plan.
@@ -71,8 +72,9 @@ class Planning {
   std::vector<Vec3> directions_with_bases() const;
   ClippingModel make_model(int round) const;
   Clipping start_of(const ClippingModel& model, int round);
-  std::optional<AuditResult> prove(const ClippingModel& model, const Clipping& clipping);
-  Outcome finish(const AuditResult& audited);
+  bool prove(const ClippingModel& model, const Clipping& clipping);
+  void prove_best(const ClippingModel& model, const std::vector<Clipping>& found);
+  Outcome finish();
   Result<Outcome> search();
 
   const LoadedPart& initial_;
@@ -100,7 +102,11 @@ class Planning {
   std::vector<std::uint32_t> bad_origins_;
   std::vector<std::string> faults_;
   std::vector<std::shared_ptr<Cut>> best_cuts_;
+
+  // The best that stood the audit so far.
   ExactClipping exact_;
+  AuditResult proof_;
+  double proven_ = 0;  // its V_R / M*
 };
 
 Infeasible Planning::infeasible(std::vector<std::string> reasons) const {
@@ -180,7 +186,7 @@ std::vector<Vec3> Planning::directions_with_bases() const {
 
 ClippingModel Planning::make_model(int round) const {
   ClippingOptions options;
-  options.clearance_mm = 0.3 + 0.25 * round;
+  options.clearance_mm = 0.3 + 0.05 * round;
   const double pitch = std::max(0.4, std::cbrt(volume(standing_) / work_.samples));
   const std::vector<Vec3> directions = directions_with_bases();
   ClippingModel model(standing_, pitch, tools_, fixture_, directions, options);
@@ -213,12 +219,12 @@ Clipping Planning::start_of(const ClippingModel& model, int round) {
   return start;
 }
 
-// The exact volumes of a clipping, if they stand the audit; else what was wrong is remembered.
-std::optional<AuditResult> Planning::prove(const ClippingModel& model, const Clipping& clipping) {
+// Whether the exact volumes of a clipping stand the audit. If not, what was wrong is remembered.
+bool Planning::prove(const ClippingModel& model, const Clipping& clipping) {
   auto exact = realise(complex_, model, pruned(model, clipping));
   if (!exact) {
     faults_ = {exact.error().sentence};
-    return std::nullopt;
+    return false;
   }
   const AuditSettings settings{
       tools_,          fixture_,    directions_,      is_skin_, options_.mode == Mode::kPaper,
@@ -228,13 +234,35 @@ std::optional<AuditResult> Planning::prove(const ClippingModel& model, const Cli
     faults_ = audited.faults;
     blocked_.insert(blocked_.end(), audited.blocked.begin(), audited.blocked.end());
     bad_origins_.insert(bad_origins_.end(), audited.bad_origins.begin(), audited.bad_origins.end());
-    return std::nullopt;
+    return false;
   }
-  exact_ = std::move(*exact);
-  return audited;
+  const double share = volume_of(exact->complex, kReused) / target_volume_;
+  if (share > proven_) {
+    proven_ = share;
+    exact_ = std::move(*exact);
+    proof_ = std::move(audited);
+  }
+  return true;
 }
 
-Outcome Planning::finish(const AuditResult& audited) {
+// Audits the best clippings, clearly different ones, until one passes.
+void Planning::prove_best(const ClippingModel& model, const std::vector<Clipping>& found) {
+  std::size_t audits = 0, last_kept = 0;
+  for (const Clipping& clipping : found) {
+    const double share =
+        static_cast<double>(clipping.kept) * model.samples().voxel_volume() / target_volume_;
+    if (audits >= kAuditsARound || share < proven_) return;
+    if (audits > 0 && static_cast<double>(clipping.kept) > 0.99 * static_cast<double>(last_kept))
+      continue;
+    last_kept = clipping.kept;
+    ++audits;
+    report("audit", proven_);
+    if (prove(model, clipping)) return;
+  }
+}
+
+Outcome Planning::finish() {
+  const AuditResult& audited = proof_;
   plan_.reused = surface_of(exact_.complex, in(kReused));
   plan_.removed = surface_of(exact_.complex, in(kRemoved) | in(kThenAdded));
   plan_.added = surface_of(exact_.complex, in(kAdded) | in(kThenAdded));
@@ -280,11 +308,12 @@ Result<Outcome> Planning::search() {
     if (nothing_to_do) {
       found.push_back(*start);
     } else {
-      report("search", plan_.ratio_final);
+      report("search", proven_);
       SearchOptions search;
       search.seed = options_.seed + static_cast<std::uint64_t>(round) * 101;
       search.chains = work_.chains;
       search.steps = round == 0 ? work_.steps : work_.steps / 2;
+      search.heat = round == 0 ? 1 : 0.25;  // later rounds mend what the audit found
       search.should_stop = [this] { return stop(); };
       found = local_search(*model, *start, search, 40);
       if (auto offset = feasible_offset(*model, *start)) found.push_back(std::move(*offset));
@@ -292,26 +321,22 @@ Result<Outcome> Planning::search() {
     std::stable_sort(found.begin(), found.end(),
                      [](const Clipping& a, const Clipping& b) { return a.kept > b.kept; });
     if (!found.empty()) best_cuts_ = found.front().cuts;
-    std::size_t audits = 0, last_kept = 0;
-    for (const Clipping& clipping : found) {
-      if (audits >= kAuditsARound) break;
-      const bool alike =
-          audits > 0 && static_cast<double>(clipping.kept) > 0.995 * static_cast<double>(last_kept);
-      if (alike) continue;
-      last_kept = clipping.kept;
-      ++audits;
-      report("audit", plan_.ratio_final);
-      if (const auto audited = prove(*model, clipping)) return finish(*audited);
-    }
+    prove_best(*model, found);
+    // A better one that only the audit refused may be mended now that more is known.
+    const double hoped = found.empty() ? 0
+                                       : static_cast<double>(found.front().kept) *
+                                             model->samples().voxel_volume() / target_volume_;
+    if (proven_ > 0 && (proven_ >= kGoodEnough * hoped || stop())) break;
     if (found.empty() && faults_.empty()) {
       faults_.push_back("With every position of the planes tried, " +
                         std::to_string(start->blocked) + " points stay out of reach and " +
                         std::to_string(start->uncovered) + " printing bases cannot be replaced.");
     }
-    if (options_.should_stop && options_.should_stop()) {
+    if (proven_ == 0 && options_.should_stop && options_.should_stop()) {
       return Error{Code::kInterrupted, "Stopped before a feasible plan was found."};
     }
   }
+  if (proven_ > 0) return finish();
   return Outcome(infeasible(faults_));
 }
 

@@ -9,6 +9,7 @@
 #include "planner/geometry/corefine.h"
 #include "planner/geometry/mesh_io.h"
 #include "planner/geometry/mesh_topology.h"
+#include "planner/geometry/slivers.h"
 #include "planner/geometry/triangle_tree.h"
 #include "planner/reuse/coincidence.h"
 
@@ -16,6 +17,7 @@ namespace reforge {
 namespace {
 
 constexpr double kBalance = 1e-6;  // relative
+constexpr double kSliver = 2e-5;   // mm; a few times the rounding to float
 constexpr double kSure = 2e-5;     // mm; farther from a surface, its side is beyond doubt
 
 using Edge = std::array<std::uint32_t, 2>;
@@ -248,19 +250,55 @@ struct Sheets {
   Sheet initial, grown, shrunk;  // of `shrunk` only what was moved
 };
 
+// Marks the triangles of both that cross. Where both are settled a crossing is no true one, unless
+// it goes on from a true one.
+void mark_crossings(const TriangleTree& initial, const std::vector<bool>& initial_settled,
+                    const TriangleTree& target, const std::vector<bool>& target_settled,
+                    std::vector<bool>& of_initial, std::vector<bool>& of_target) {
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> doubtful;
+  std::vector<bool> at_initial(initial.mesh().vertices.size()),
+      at_target(target.mesh().vertices.size());  // corners of crossing triangles
+  const auto mark = [&](std::uint32_t i, std::uint32_t j) {
+    of_initial[i] = of_target[j] = true;
+    for (const auto v : initial.mesh().triangles[i]) at_initial[v] = true;
+    for (const auto v : target.mesh().triangles[j]) at_target[v] = true;
+  };
+  TriangleTree::visit_pairs(initial, target, [&](std::uint32_t i, std::uint32_t j) {
+    if (initial_settled[i] && target_settled[j]) {
+      doubtful.emplace_back(i, j);
+    } else {
+      mark(i, j);
+    }
+  });
+  const auto touches = [](const std::vector<bool>& at,
+                          const std::array<std::uint32_t, 3>& corners) {
+    return at[corners[0]] || at[corners[1]] || at[corners[2]];
+  };
+  for (bool more = true; more;) {
+    more = false;
+    for (auto& [i, j] : doubtful) {
+      if (of_initial[i] && of_target[j]) continue;
+      if (!touches(at_initial, initial.mesh().triangles[i]) ||
+          !touches(at_target, target.mesh().triangles[j])) {
+        continue;
+      }
+      mark(i, j);
+      more = true;
+    }
+  }
+}
+
 Result<Sheets> cut_apart(const Separation& separation, const TriangleTree& initial,
                          const TriangleTree& grown, const TriangleTree& shrunk,
                          const std::vector<std::uint32_t>& in_target) {
   std::vector<bool> of_initial(initial.mesh().triangles.size()),
       of_grown(grown.mesh().triangles.size()), of_shrunk(shrunk.mesh().triangles.size());
-  TriangleTree::visit_pairs(initial, grown, [&](std::uint32_t i, std::uint32_t j) {
-    if (separation.initial_settled[i] && separation.target_settled[j]) return;
-    of_initial[i] = of_grown[j] = true;
-  });
-  TriangleTree::visit_pairs(initial, shrunk, [&](std::uint32_t i, std::uint32_t j) {
-    if (separation.initial_settled[i] && separation.target_settled[in_target[j]]) return;
-    of_initial[i] = of_shrunk[j] = true;
-  });
+  mark_crossings(initial, separation.initial_settled, grown, separation.target_settled, of_initial,
+                 of_grown);
+  std::vector<bool> shrunk_settled;
+  for (const auto t : in_target) shrunk_settled.push_back(separation.target_settled[t]);
+  mark_crossings(initial, separation.initial_settled, shrunk, shrunk_settled, of_initial,
+                 of_shrunk);
   unpinch(initial.mesh(), of_initial);
   unpinch(grown.mesh(), of_grown);
   unpinch(shrunk.mesh(), of_shrunk);
@@ -316,6 +354,24 @@ std::size_t add_vertices(CellComplex& complex, const Sheet& sheet) {
   return first;
 }
 
+// Which vertices of the complex are vertices of one of the two parts, unmoved.
+std::vector<bool> given_vertices(const CellComplex& complex, const TriangleMesh& initial,
+                                 const TriangleMesh& target) {
+  const auto before = [](const Vec3& a, const Vec3& b) {
+    return std::tie(a.x(), a.y(), a.z()) < std::tie(b.x(), b.y(), b.z());
+  };
+  std::vector<Vec3> given;
+  for (const TriangleMesh* mesh : {&initial, &target}) {
+    for (const Vec3& vertex : mesh->vertices) given.push_back(rounded_to_float(vertex));
+  }
+  std::sort(given.begin(), given.end(), before);
+  std::vector<bool> result(complex.vertices.size());
+  for (std::size_t v = 0; v < result.size(); ++v) {
+    result[v] = std::binary_search(given.begin(), given.end(), complex.vertices[v], before);
+  }
+  return result;
+}
+
 Result<CellComplex> separated_overlay(const TriangleMesh& initial, const Separation& separation) {
   // Triangles that the two versions of the target do not share.
   std::vector<bool> moved = separation.moved;
@@ -349,27 +405,47 @@ Result<CellComplex> separated_overlay(const TriangleMesh& initial, const Separat
     if (!shrunk_in[t]) add_facet(complex, third, from, t, 0, 2);
   }
   tidy(complex);
+  remove_slivers(complex, given_vertices(complex, initial, separation.target), kSliver);
   for (std::uint32_t f = 0; f < complex.facets.size(); ++f) complex.facets[f].origin = f;
   return complex;
 }
 
 // Why the complex is not a division of the two solids, or nothing.
-std::optional<std::string> fault(const TolerantOverlay& result, double initial_volume,
-                                 double target_volume, double tolerance_mm) {
+std::optional<std::string> fault(TolerantOverlay& result, const TriangleMesh& initial,
+                                 const TriangleMesh& target, double tolerance_mm) {
+  const double of_initial = volume(initial), of_target = volume(target);
   double volumes[4] = {};
   for (std::uint8_t region = 1; region < 4; ++region) {
-    if (!is_closed(surface_of(result.complex, 1u << region))) return "their pieces do not close";
-    volumes[region] = volume_of(result.complex, region);
-    if (volumes[region] < -kBalance * initial_volume) return "a piece is inside out";
+    const TriangleMesh surface = surface_of(result.complex, 1u << region);
+    if (!is_closed(surface)) return "their pieces do not close";
+    volumes[region] = volume(surface);
+    if (volumes[region] < -kBalance * of_initial) return "a piece is inside out";
   }
-  if (std::abs(volumes[1] + volumes[3] - initial_volume) > kBalance * initial_volume) {
+  if (std::abs(volumes[1] + volumes[3] - of_initial) > kBalance * of_initial) {
     return "the pieces do not add up to the initial part";
   }
-  if (std::abs(volumes[2] + volumes[3] - target_volume) >
-      kBalance * target_volume + tolerance_mm * result.coincident_area_mm2) {
+  result.dropped_mm3 = of_target - volumes[2] - volumes[3];
+  if (std::abs(result.dropped_mm3) >
+      kBalance * of_target + tolerance_mm * result.coincident_area_mm2) {
     return "the pieces do not add up to the target";
   }
   return std::nullopt;
+}
+
+Result<TolerantOverlay> attempt(const TriangleMesh& initial, const TriangleMesh& target,
+                                double tolerance_mm) {
+  const Separation separation = separate(initial, target, tolerance_mm);
+  auto complex = separated_overlay(initial, separation);
+  if (!complex) return complex.error();
+  TolerantOverlay result;
+  result.complex = std::move(*complex);
+  result.coincident_area_mm2 = separation.coincident_area_mm2;
+  result.greatest_distance_mm = separation.greatest_distance_mm;
+  if (const auto why = fault(result, initial, target, tolerance_mm)) {
+    return Error{Code::kBooleanFailed,
+                 "The volumes of the two parts could not be computed: " + *why + "."};
+  }
+  return result;
 }
 
 }  // namespace
@@ -377,28 +453,18 @@ std::optional<std::string> fault(const TolerantOverlay& result, double initial_v
 Result<TolerantOverlay> tolerant_overlay(const TriangleMesh& initial, const TriangleMesh& target,
                                          double tolerance_mm) {
   assert(!initial.empty() && !target.empty());
-  const Separation separation = separate(initial, target, tolerance_mm);
-  const double initial_volume = volume(initial), target_volume = volume(target);
+  std::optional<Error> last;
+  // Where parts are finer than the hair, a finer hair may do.
+  for (const double tolerance : {tolerance_mm, tolerance_mm / 4, tolerance_mm / 16}) {
+    auto result = attempt(initial, target, tolerance);
+    if (result) return result;
+    last = result.error();
+  }
+  auto exact = overlay(initial, target);
+  if (!exact) return exact.error();
   TolerantOverlay result;
-  result.coincident_area_mm2 = separation.coincident_area_mm2;
-  result.greatest_distance_mm = separation.greatest_distance_mm;
-  auto complex = separated_overlay(initial, separation);
-  std::optional<std::string> why;
-  if (complex) {
-    result.complex = std::move(*complex);
-    why = fault(result, initial_volume, target_volume, tolerance_mm);
-  }
-  if (!complex || why) {
-    auto exact = overlay(initial, target);
-    if (!exact) return complex ? exact.error() : complex.error();
-    result.complex = std::move(*exact);
-    why = fault(result, initial_volume, target_volume, tolerance_mm);
-    if (why) {
-      return Error{Code::kBooleanFailed,
-                   "The volumes of the two parts could not be computed: " + *why + "."};
-    }
-  }
-  result.dropped_mm3 = target_volume - volume_of(result.complex, 2) - volume_of(result.complex, 3);
+  result.complex = std::move(*exact);
+  if (const auto why = fault(result, initial, target, tolerance_mm)) return *last;
   return result;
 }
 

@@ -115,17 +115,59 @@ bool crosses(const Vec3& from, const Vec3& to, const Wall& wall) {
   return u >= -1e-9 && v >= -1e-9 && u + v <= 1 + 1e-9 && t >= 0 && t <= 1;
 }
 
+// Walls by the cells of a coarse grid that their boxes touch.
+class WallGrid {
+ public:
+  explicit WallGrid(const std::vector<Wall>& walls) {
+    for (const Wall& wall : walls) all_.extend(wall.box);
+    cells_.resize(kCells * kCells * kCells);
+    for (std::uint32_t w = 0; w < walls.size(); ++w) {
+      const auto low = cell_of(walls[w].box.min()), high = cell_of(walls[w].box.max());
+      for (int k = low[2]; k <= high[2]; ++k) {
+        for (int j = low[1]; j <= high[1]; ++j) {
+          for (int i = low[0]; i <= high[0]; ++i) cells_[index(i, j, k)].push_back(w);
+        }
+      }
+    }
+  }
+  // Whether `asked` is true of any wall in the cells that the box touches.
+  template <typename Asked>
+  bool any(const Box3& box, Asked asked) const {
+    const auto low = cell_of(box.min()), high = cell_of(box.max());
+    for (int k = low[2]; k <= high[2]; ++k) {
+      for (int j = low[1]; j <= high[1]; ++j) {
+        for (int i = low[0]; i <= high[0]; ++i) {
+          const auto& cell = cells_[index(i, j, k)];
+          if (std::any_of(cell.begin(), cell.end(), asked)) return true;
+        }
+      }
+    }
+    return false;
+  }
+
+ private:
+  static constexpr int kCells = 32;  // along each axis
+  static std::size_t index(int i, int j, int k) {
+    return (static_cast<std::size_t>(k) * kCells + static_cast<std::size_t>(j)) * kCells +
+           static_cast<std::size_t>(i);
+  }
+  std::array<int, 3> cell_of(const Vec3& point) const {
+    std::array<int, 3> cell{};
+    for (int axis = 0; axis < 3; ++axis) {
+      const double size = std::max(1e-9, all_.sizes()[axis]);
+      const double at = (point[axis] - all_.min()[axis]) / size * kCells;
+      cell[axis] = static_cast<int>(std::clamp(at, 0.0, kCells - 1.0));
+    }
+    return cell;
+  }
+  Box3 all_;
+  std::vector<std::vector<std::uint32_t>> cells_;
+};
+
 // Facets behind which V~_S or V~_A is only a skin: within kSkin of the middle, it ends.
 std::vector<bool> find_skins(const CellComplex& complex) {
   const auto walls = walls_of(complex);
-  // By x, so that only walls near the middle are asked.
-  std::vector<std::uint32_t> order(walls.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return walls[a].box.min().x() < walls[b].box.min().x();
-  });
-  double widest = 0;
-  for (const Wall& wall : walls) widest = std::max(widest, wall.box.sizes().x());
+  const WallGrid grid(walls);
   std::vector<bool> is_skin(walls.size(), false);
   for (std::uint32_t f = 0; f < walls.size(); ++f) {
     const Wall& own = walls[f];
@@ -141,16 +183,11 @@ std::vector<bool> find_skins(const CellComplex& complex) {
       if (region != kRemoved && region != kAdded) continue;
       const Vec3 beyond = middle + side * kSkin * normal;
       const Box3 reach = Box3(middle.cwiseMin(beyond), middle.cwiseMax(beyond));
-      auto from =
-          std::lower_bound(order.begin(), order.end(), reach.min().x() - widest,
-                           [&](std::uint32_t i, double x) { return walls[i].box.min().x() < x; });
-      for (; from != order.end() && walls[*from].box.min().x() <= reach.max().x(); ++from) {
-        const Wall& wall = walls[*from];
-        if (*from == f || (wall.front != region && wall.back != region)) continue;
-        if (!wall.box.intersects(reach) || !crosses(middle, beyond, wall)) continue;
-        is_skin[f] = true;
-        break;
-      }
+      is_skin[f] = is_skin[f] || grid.any(reach, [&](std::uint32_t w) {
+        const Wall& wall = walls[w];
+        return w != f && (wall.front == region || wall.back == region) &&
+               wall.box.intersects(reach) && crosses(middle, beyond, wall);
+      });
     }
   }
   return is_skin;
