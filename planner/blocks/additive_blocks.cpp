@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "planner/blocks/print_outlook.h"
 #include "planner/geometry/height_map.h"
 #include "planner/geometry/plane_cut.h"
 #include "planner/geometry/voxel_set.h"
@@ -12,7 +13,10 @@ namespace reforge {
 namespace {
 
 constexpr double kSmallestBlock = 0.05;  // mm^3: less is rounding
-constexpr double kOrderPitch = 0.8;      // mm, of samples and maps for the order
+constexpr double kWorthACut = 0.03;      // of a part's samples
+constexpr double kWorthACutMm3 = 6;
+constexpr int kCutsMax = 6;          // one within the other
+constexpr double kOrderPitch = 0.8;  // mm, of samples and maps for the order
 
 double distance_to_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 n = (b - a).cross(c - a);
@@ -60,6 +64,32 @@ Status split_on_facets(TriangleMesh part, const PrintingBase& base,
   }
   if (volume(part) > kSmallestBlock) blocks.push_back({std::move(part), base.print_direction});
   std::move(blocks.rbegin(), blocks.rend(), std::back_inserter(out));
+  return Unit{};
+}
+
+// Cuts a block where printing on along another direction makes enough more of it printable. The
+// near side stays as it was, the far side stands on the cut.
+Status split_for_nozzle(AdditiveBlock block, int cuts_left, PrintOutlook& outlook,
+                        std::vector<AdditiveBlock>& out) {
+  if (cuts_left > 0) {
+    const std::vector<int> samples = outlook.samples_in(block.solid);
+    const PrintOutlook::Split split =
+        outlook.best_split(samples, outlook.number_of(block.direction));
+    const double gain = split.gain * outlook.mm3_per_sample();
+    if (gain > kWorthACutMm3 && split.gain > kWorthACut * static_cast<double>(samples.size())) {
+      auto halves = split_by(block.solid, split.plane);
+      if (!halves) return halves.error();
+      auto& [near, far] = *halves;
+      if (volume(near) > kSmallestBlock && volume(far) > kSmallestBlock) {
+        const Vec3 onwards = outlook.directions()[split.direction];
+        const Status done =
+            split_for_nozzle({std::move(near), block.direction}, cuts_left - 1, outlook, out);
+        if (!done) return done;
+        return split_for_nozzle({std::move(far), onwards}, cuts_left - 1, outlook, out);
+      }
+    }
+  }
+  out.push_back(std::move(block));
   return Unit{};
 }
 
@@ -180,7 +210,8 @@ std::vector<TriangleMesh> connected_parts(const TriangleMesh& solid) {
 
 Result<std::vector<AdditiveBlock>> additive_blocks(const TriangleMesh& added,
                                                    const std::vector<PrintingBase>& bases,
-                                                   const Nozzle& nozzle) {
+                                                   const Nozzle& nozzle, const PrintScene& scene) {
+  if (added.empty()) return std::vector<AdditiveBlock>{};
   std::vector<TriangleMesh> parts = connected_parts(added);
   // Every base belongs to the part it touches; a part is printed from its largest base.
   std::vector<const PrintingBase*> base_of(parts.size(), nullptr);
@@ -194,23 +225,26 @@ Result<std::vector<AdditiveBlock>> additive_blocks(const TriangleMesh& added,
         nearest = i;
       }
     }
-    if (parts.empty()) break;
     const PrintingBase*& chosen = base_of[nearest];
     if (!chosen || base.area_mm2 > chosen->area_mm2) chosen = &base;
   }
+  PrintOutlook outlook(scene.target, scene.obstacles, nozzle, scene.directions);
   std::vector<AdditiveBlock> blocks;
   std::vector<size_t> part_of;
   for (size_t i = 0; i < parts.size(); ++i) {
     if (std::abs(volume(parts[i])) < kSmallestBlock) continue;
     PrintingBase upright;
     upright.print_direction = Vec3::UnitZ();
-    if (const Status done =
-            split_on_facets(std::move(parts[i]), base_of[i] ? *base_of[i] : upright, blocks);
-        !done) {
-      return done.error();
+    std::vector<AdditiveBlock> on_facets;
+    Status done =
+        split_on_facets(std::move(parts[i]), base_of[i] ? *base_of[i] : upright, on_facets);
+    for (size_t k = 0; done && k < on_facets.size(); ++k) {
+      done = split_for_nozzle(std::move(on_facets[k]), kCutsMax, outlook, blocks);
     }
+    if (!done) return done.error();
     part_of.resize(blocks.size(), i);
   }
+  if (!scene.blocks_collide) return blocks;
   std::vector<AdditiveBlock> ordered;
   for (const size_t i : order_of(blocks, part_of, nozzle)) ordered.push_back(std::move(blocks[i]));
   return ordered;

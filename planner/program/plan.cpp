@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 #include "planner/blocks/additive_blocks.h"
@@ -72,6 +73,7 @@ class Chain {
 
   const PlanRequest& request_;
   StageTimes& times_;
+  std::optional<StageTimer> total_;  // ends before the report is written
   RigDescription rig_;
   std::string initial_sha256_, target_sha256_;
   std::vector<std::string> load_notes_;
@@ -127,15 +129,20 @@ Status Chain::mill(const ReusePlan& plan, Work& work) {
 
 Status Chain::print(const ReusePlan& plan, Work& work) {
   const DepositionOptions options = deposition_options(rig_, request_.mode);
+  const bool strict = request_.mode == Mode::kStrict;
   Result<std::vector<AdditiveBlock>> blocks = [&] {
     const StageTimer timer(times_, "blocks");
     say("blocks", "taking the added volume apart");
-    return additive_blocks(plan.added, plan.bases, options.nozzle);
+    PrintScene scene{plan.target, {&plan.reused}, plan.nozzle_directions, strict};
+    if (!plan.fixture.empty()) scene.obstacles.push_back(&plan.fixture);
+    return additive_blocks(plan.added, plan.bases, options.nozzle, scene);
   }();
   if (!blocks) return blocks.error();
   const StageTimer timer(times_, "toolpaths");
   std::vector<const TriangleMesh*> ground{&plan.reused};
-  const std::vector<const TriangleMesh*> obstacles{&plan.fixture, &leftover_};
+  // The paper's nozzle minds V_R alone; the rig's minds everything that stands.
+  std::vector<const TriangleMesh*> obstacles{&plan.reused};
+  if (strict) obstacles.insert(obstacles.end(), {&plan.fixture, &leftover_});
   double unsupported = 0, blocked = 0;
   std::vector<TriangleMesh> solids;
   for (size_t i = 0; i < blocks->size(); ++i) {
@@ -150,6 +157,7 @@ Status Chain::print(const ReusePlan& plan, Work& work) {
     unsupported += deposition.unsupported_mm3;
     blocked += deposition.blocked_mm3;
     ground.push_back(&block.solid);
+    if (strict) obstacles.push_back(&block.solid);
     if (deposition.paths.empty()) continue;
     toolpath.paths = std::move(deposition.paths);
     work.blocks.push_back({BlockKind::kPrint, block.direction, volume(block.solid), "", {}});
@@ -237,6 +245,7 @@ Result<PlanOutcome> Chain::finish(const ReusePlan& plan, Work work, JobDraft& dr
   std::vector<std::string> notes = load_notes_;
   notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
   notes.insert(notes.end(), work.notes.begin(), work.notes.end());
+  total_.reset();
   outcome.json = feasible_report(facts(sha256_hex(program.text), std::move(notes)), plan,
                                  work.blocks, program);
   return outcome;
@@ -253,6 +262,7 @@ Result<PlanOutcome> Chain::give_up(const Infeasible& why, JobDraft& draft) {
   }
   PlanOutcome outcome;
   outcome.reasons = why.reasons;
+  total_.reset();
   outcome.json = infeasible_report(facts("", load_notes_), why);
   return outcome;
 }
@@ -260,8 +270,8 @@ Result<PlanOutcome> Chain::give_up(const Infeasible& why, JobDraft& draft) {
 Result<PlanOutcome> Chain::run() {
   Result<JobDraft> draft = JobDraft::begin(request_.job, request_.replace);
   if (!draft) return draft.error();
+  total_.emplace(times_, "total");
   Result<PlanOutcome> outcome = [&]() -> Result<PlanOutcome> {
-    const StageTimer total(times_, "total");
     LoadedPart initial, target;
     {
       const StageTimer timer(times_, "load");

@@ -32,10 +32,7 @@ class Depositor {
     // goes.
     HeightGrid wide = HeightGrid::over(frame, kMapPitch, block.vertices, widest() + 1);
     HeightMap around(wide);
-    for (const TriangleMesh* solid : ground) {
-      raise_to(ground_, *solid, Sampling::kCentres);
-      raise_to(around, *solid, Sampling::kCentres);
-    }
+    for (const TriangleMesh* solid : ground) raise_to(ground_, *solid, Sampling::kCentres);
     for (const TriangleMesh* solid : obstacles) raise_to(around, *solid, Sampling::kConservative);
     std::vector<ToolSection> body = options.nozzle.body;
     for (ToolSection& section : body) {
@@ -47,8 +44,7 @@ class Depositor {
     // A section without end meets whatever stands highest, however far away.
     for (const ToolSection& section : body) {
       if (std::isfinite(section.r_from_mm)) continue;
-      const double limit =
-          std::max(highest(ground, frame), highest(obstacles, frame)) - section.z_from_mm;
+      const double limit = highest(obstacles, frame) - section.z_from_mm;
       for (float& height : nozzle_floor_.heights)
         height = std::max(height, static_cast<float>(limit));
     }

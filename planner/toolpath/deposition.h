@@ -36,8 +36,8 @@ struct Deposition {
   int layers = 0;
 };
 
-// `ground` is what the block may stand on and the nozzle must clear, as solids (V_R, earlier
-// blocks); `obstacles` only what it must clear (fixture, left-over stock).
+// `ground` is what the block may stand on (V_R, earlier blocks); `obstacles` what the nozzle must
+// clear (V_R; in strict mode all that stands).
 Deposition deposit(const DepositionOptions& options, const TriangleMesh& block, const Frame& frame,
                    const std::vector<const TriangleMesh*>& ground,
                    const std::vector<const TriangleMesh*>& obstacles,

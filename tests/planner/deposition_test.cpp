@@ -25,7 +25,8 @@ DepositionOptions options_for_tests() {
 }
 
 Deposition printed(const TriangleMesh& block, const std::vector<const TriangleMesh*>& ground,
-                   const std::vector<const TriangleMesh*>& obstacles = {}) {
+                   std::vector<const TriangleMesh*> obstacles = {}) {
+  obstacles.insert(obstacles.end(), ground.begin(), ground.end());
   return deposit(options_for_tests(), block, kUp, ground, obstacles, [] { return false; });
 }
 
