@@ -31,7 +31,7 @@ TEST_F(JobFolders, WholeOneIsReadWithItsHashesAndLines) {
   ASSERT_TRUE(job.ok()) << job.error().sentence;
   EXPECT_EQ(job->name, "bracket");
   EXPECT_EQ(job->mode, Mode::kStrict);
-  EXPECT_EQ(job->lines, 13 + 4);
+  EXPECT_EQ(job->lines, 11 + 4);
   EXPECT_EQ(job->estimated_s, 10.5);
   EXPECT_EQ(job->program_sha256, sha256_hex(read_file(folder_ / "program.nc")));
   EXPECT_EQ(job->rig_sha256, sha256_hex(read_file(shipped_rig_file())));
@@ -40,7 +40,7 @@ TEST_F(JobFolders, WholeOneIsReadWithItsHashesAndLines) {
 
 TEST_F(JobFolders, LastLineCountsWithoutItsEnd) {
   make_job(folder_, "G21\nM30");
-  EXPECT_EQ(read_job(folder_)->lines, 13 + 2);
+  EXPECT_EQ(read_job(folder_)->lines, 11 + 2);
 }
 
 TEST_F(JobFolders, AnyChangedFileIsNamed) {

@@ -77,7 +77,7 @@ void wait_until_quiet(const Shop& shop) {
 
 // The last program line the CNC has taken, from the Y each stroke goes to.
 std::int64_t last_line_taken(const std::vector<json>& trace) {
-  constexpr std::int64_t kFirstStroke = 13 + 12;  // header, then eleven lines before it
+  constexpr std::int64_t kFirstStroke = 11 + 12;  // header, then eleven lines before it
   std::int64_t strokes = 0;
   for (const json& record : of_kind(trace, "line")) {
     if (record.at("text").get<std::string>().ends_with("F500")) ++strokes;

@@ -29,10 +29,10 @@ inline std::filesystem::path shipped_rig_file() {
 inline std::string program_header(const std::string& rig_bytes, const std::string& stock_bytes) {
   const std::string rig = sha256_hex(rig_bytes);
   const std::string stock = sha256_hex(stock_bytes);
-  return "; reforge-program: 1\n; job: tiny\n; rig: mx220\n; +" + rig +
+  return "; reforge-program: 1\n; job: tiny\n; rig: mx220 " + rig +
          "\n; mode: strict\n; table: BC, tilt +1, c +1\n; pivot-r: X0.000 Y0.000 Z0.000\n"
          "; pivot-d: X0.000 Y0.000 Z-10.000\n; g54: X0.000 Y0.000 Z0.000\n; cutter: ball D3.000\n"
-         "; nozzle: D0.500 offset X90.000 Y0.000 Z-5.000\n; stock:\n; +" +
+         "; nozzle: D0.500 offset X90.000 Y0.000 Z-5.000\n; stock: " +
          stock + "\n";
 }
 
