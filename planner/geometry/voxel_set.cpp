@@ -59,17 +59,26 @@ std::vector<std::vector<Crossing>> crossings(const TriangleMesh& solid, const Vo
   return columns;
 }
 
-template <typename Visit>
-void for_neighbours(const VoxelSet& set, std::uint32_t of, Connectivity connectivity, Visit visit) {
-  const auto [i, j, k] = set.voxels[of];
-  for (int dk = -1; dk <= 1; ++dk) {
-    for (int dj = -1; dj <= 1; ++dj) {
-      for (int di = -1; di <= 1; ++di) {
-        const int steps = std::abs(di) + std::abs(dj) + std::abs(dk);
-        if (steps == 0 || (connectivity == Connectivity::kFaces && steps > 1)) continue;
-        const auto other = set.number(i + di, j + dj, k + dk);
-        if (other >= 0) visit(static_cast<std::uint32_t>(other));
-      }
+// The 26 steps to a neighbour, those through a face first.
+std::vector<std::array<int, 3>> neighbour_steps() {
+  std::vector<std::array<int, 3>> steps;
+  for (const bool through_face : {true, false}) {
+    for (int n = 0; n < 27; ++n) {
+      const std::array<int, 3> step{n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+      const int moved = std::abs(step[0]) + std::abs(step[1]) + std::abs(step[2]);
+      if (moved > 0 && (moved == 1) == through_face) steps.push_back(step);
+    }
+  }
+  return steps;
+}
+
+void link_neighbours(VoxelSet& set) {
+  const auto steps = neighbour_steps();
+  set.neighbours.resize(set.size());
+  for (std::size_t v = 0; v < set.size(); ++v) {
+    const auto [i, j, k] = set.voxels[v];
+    for (std::size_t n = 0; n < steps.size(); ++n) {
+      set.neighbours[v][n] = set.number(i + steps[n][0], j + steps[n][1], k + steps[n][2]);
     }
   }
 }
@@ -137,6 +146,7 @@ VoxelSet sample(const TriangleMesh& solid, const VoxelGrid& grid) {
       }
     }
   }
+  link_neighbours(set);
   return set;
 }
 
@@ -153,7 +163,11 @@ BitSet flood(const VoxelSet& set, const std::vector<std::uint32_t>& seeds, const
   while (!front.empty()) {
     const auto number = front.back();
     front.pop_back();
-    for_neighbours(set, number, connectivity, visit);
+    const auto count = static_cast<std::size_t>(connectivity);
+    for (std::size_t n = 0; n < count; ++n) {
+      const auto next = set.neighbours[number][n];
+      if (next >= 0) visit(static_cast<std::uint32_t>(next));
+    }
   }
   return reached;
 }

@@ -37,6 +37,8 @@ struct VoxelSet {
   std::vector<std::array<int, 3>> voxels;  // (i, j, k) of each point
   std::vector<Vec3> points;                // their centres
   std::vector<std::int32_t> numbers;       // dense over the grid: number of the point, or -1
+  // The 26 neighbours of each point, or -1; the 6 that share a face come first.
+  std::vector<std::array<std::int32_t, 26>> neighbours;
 
   std::size_t size() const { return points.size(); }
   std::int32_t number(int i, int j, int k) const;
