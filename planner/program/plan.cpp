@@ -154,7 +154,7 @@ Status Chain::print(const ReusePlan& plan, Work& work) {
     Deposition deposition =
         deposit(options, block.solid, toolpath.frame, ground, obstacles, [&] { return stopped(); });
     if (stopped()) return interrupted_error();
-    unsupported += deposition.unsupported_mm3;
+    unsupported += deposition.unsupported_mm3 + deposition.hanging_mm3;
     blocked += deposition.blocked_mm3;
     ground.push_back(&block.solid);
     if (strict) obstacles.push_back(&block.solid);

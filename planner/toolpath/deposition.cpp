@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "planner/toolpath/arc_length.h"
+#include "planner/toolpath/bead_cover.h"
 #include "planner/toolpath/bead_layout.h"
 #include "planner/toolpath/level_region.h"
 #include "planner/toolpath/slicing.h"
@@ -14,6 +16,7 @@ namespace {
 constexpr double kMapPitch = 0.3;      // mm, of what stands around the block
 constexpr double kOverhang = 0.3;      // mm a layer may reach beyond the one below
 constexpr double kGroundReach = 0.15;  // mm below a layer's underside where ground still carries it
+constexpr double kBridge = 2.0;        // mm a bead may span
 constexpr double kHop = 0.5;           // mm above the layer while travelling
 constexpr double kNozzleGap = 0.1;     // mm kept between nozzle and obstacles, beside and below
 constexpr double kSmallestPiece = 0.02;  // mm^2
@@ -183,10 +186,23 @@ class Depositor {
     result_.planned_mm3 += slices_.layer_height * (area(printable[k]) - area(interior) + whole +
                                                    e.infill * (area(interior) - whole));
     const double tip = slices_.top_of(k);
+    const HeightGrid& g = ground_.grid;
+    BeadCover cover(Vec2(g.u0, g.v0),
+                    Vec2(g.u0 + g.columns * g.pitch_mm, g.v0 + g.rows * g.pitch_mm));
+    const double bottom = tip - slices_.layer_height;
+    const auto carries = [&](const Vec2& p) {
+      return (below_ && below_->covered(p)) || look_up(ground_, p) > bottom - kGroundReach;
+    };
+    double lost = 0;
     for (Bead& bead : layer) {
       if (bead.closed) start_at_seam(bead.line);
-      lay(bead, tip, k == 0);
+      for (const Bead& part : carried_parts(bead, e.bead_width_mm, kBridge, carries, lost)) {
+        lay(part, tip, k == 0);
+        cover.stamp(part, e.bead_width_mm);
+      }
     }
+    result_.hanging_mm3 += lost * e.bead_width_mm * slices_.layer_height;
+    below_ = std::move(cover);
   }
 
   // Seams lie in one line up the block, on its side away from the operator (largest v).
@@ -245,9 +261,10 @@ class Depositor {
 
   const DepositionOptions& options_;
   const Slices slices_;
-  HeightMap ground_;        // what carries the block, at cell centres
-  HeightMap standing_;      // what the nozzle must clear
-  HeightMap nozzle_floor_;  // lowest tip there
+  HeightMap ground_;                // what carries the block, at cell centres
+  HeightMap standing_;              // what the nozzle must clear
+  HeightMap nozzle_floor_;          // lowest tip there
+  std::optional<BeadCover> below_;  // the layer before
   Deposition result_;
 };
 

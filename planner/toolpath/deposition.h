@@ -33,6 +33,7 @@ struct Deposition {
   double bead_mm3 = 0;     // sum over beads of length x width x layer height
   double unsupported_mm3 = 0;  // of the block, left out: nothing beneath
   double blocked_mm3 = 0;      // of the block, left out: the nozzle would collide
+  double hanging_mm3 = 0;      // beads of printable layers left out over gaps below
   int layers = 0;
 };
 

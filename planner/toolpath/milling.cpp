@@ -15,7 +15,7 @@ constexpr double kApproach = 0.5;       // mm above stock where a rapid down end
 constexpr double kRampSlope = 0.07;     // 4 degrees
 constexpr double kRampStep = 0.5;  // mm along a ramp: corners are cut by no more than its sagitta
 constexpr double kRampLaps = 30;
-constexpr double kShortestRamp = 1.5;   // mm of line
+constexpr double kShortestRamp = 0.3;   // mm of line: up to 10 degrees there
 constexpr double kDepthLookAhead = 20;  // mm of line asked for stock before ramping along it
 
 }  // namespace
@@ -59,6 +59,11 @@ bool TipFloor::allows(double u, double v, double tip) const {
 void PathWriter::move(const Vec3& to, Motion motion) {
   std::vector<Move>& moves = out_.back().moves;
   if (motion != Motion::kRapid) stock_.cut(moves.back().to, to);
+  if (moves.size() > 1 && moves.back().motion == motion && motion != Motion::kRapid) {
+    // Straight on: one move instead of two.
+    const Vec3 before = moves.back().to - moves[moves.size() - 2].to, now = to - moves.back().to;
+    if (before.dot(now) > 0 && before.cross(now).norm() < 1e-7 * before.norm()) moves.pop_back();
+  }
   moves.push_back({to, motion});
 }
 

@@ -7,7 +7,7 @@
 // contour); loops run so that the rest lies on the right (climb, spindle clockwise); the holder
 // clears the stock of the level's start; what is reached is cut out of `stock`. Limits: the
 // engagement angle is not limited (the first contour of a closed pocket is a full slot); pieces
-// shorter than 1.5 mm in material are left to finishing.
+// shorter than 0.3 mm in material are left to finishing.
 #pragma once
 
 #include <functional>
