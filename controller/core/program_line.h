@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "controller/core/program.h"
-#include "controller/devices/extruder_link.h"
+#include "controller/devices/extruder_order.h"
 #include "protocols/gcode/modal.h"
 #include "protocols/result.h"
 #include "protocols/rig.h"

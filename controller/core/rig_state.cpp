@@ -84,8 +84,7 @@ constexpr void links(Table& t) {
   t.go({S::kIdentifying, S::kIdle}, E::kFoundFault, S::kFault);
   t.ignore_elsewhere(E::kFoundFault);
 
-  t.ignore({S::kDisconnected}, E::kCncLost);
-  t.go({S::kIdentifying, S::kIdle}, E::kCncLost, S::kDisconnected, F::kReopenCnc);
+  t.go({S::kDisconnected, S::kIdentifying, S::kIdle}, E::kCncLost, S::kDisconnected, F::kReopenCnc);
   t.go({S::kSuspended, S::kFault}, E::kCncLost, S::kDisconnected, F::kOweHold, F::kReopenCnc);
   t.go({S::kStarting}, E::kCncLost, S::kDisconnected, F::kReopenCnc, F::kJobRefused);
   t.go(kJobStates, E::kCncLost, S::kDisconnected, F::kStopExtrusion, F::kStarve, F::kDropUnsent,
@@ -93,9 +92,8 @@ constexpr void links(Table& t) {
   t.go({S::kStopping, S::kResetting}, E::kCncLost, S::kDisconnected, F::kStopExtrusion, F::kStarve,
        F::kDropUnsent, F::kHoldCnc, F::kOweHold, F::kReopenCnc, F::kJobOver);
 
-  t.ignore({S::kDisconnected}, E::kExtruderLost);
-  t.go({S::kIdentifying, S::kIdle, S::kSuspended, S::kFault}, E::kExtruderLost, S::kDisconnected,
-       F::kReopenExtruder);
+  t.go({S::kDisconnected, S::kIdentifying, S::kIdle, S::kSuspended, S::kFault}, E::kExtruderLost,
+       S::kDisconnected, F::kReopenExtruder);
   t.go({S::kStarting}, E::kExtruderLost, S::kDisconnected, F::kReopenExtruder, F::kJobRefused);
   t.go(kJobStates, E::kExtruderLost, S::kStopping, F::kStopExtrusion, F::kDropUnsent, F::kHoldCnc,
        F::kReopenExtruder);

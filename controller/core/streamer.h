@@ -5,8 +5,9 @@
 // order, each once; nothing goes while a barrier is ahead. Blank and comment lines are not sent but
 // keep their numbers, and count as acknowledged with the line before them.
 // The horizon is asked for ahead of need (`horizon_ahead` lines, at half of it), so that no line
-// waits for the disk. Limits: the character-counting and line-window flows; XON/XOFF comes with the
-// drip dialect.
+// waits for the disk. A doubled acknowledgement makes the count too small by a line until it is
+// found at the next drain (one is left over); a lost one only makes it too large. Limits: the
+// character-counting and line-window flows; XON/XOFF comes with the drip dialect.
 #pragma once
 
 #include <deque>

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
-#include <cstdio>
-#include <iterator>
 #include <utility>
 
+#include "controller/devices/extruder_agreement.h"
 #include "protocols/extruder_text.h"
 
 namespace reforge {
@@ -15,64 +13,12 @@ namespace {
 
 constexpr Duration kFrameGap = std::chrono::milliseconds(20);  // FORMATS.md, "Extruder link"
 
-// What board and rig file must agree on. Read-only ones are facts of the wiring; the others are
-// written (not saved) when they differ.
-struct Agreement {
-  wire::Setting id;
-  bool writable;
-};
-constexpr Agreement kAgreements[] = {
-    {wire::Setting::kInStream, false},          {wire::Setting::kSilence, false},
-    {wire::Setting::kStepsPerMetre, true},      {wire::Setting::kRetractSpeed, true},
-    {wire::Setting::kMinimumTemperature, true}, {wire::Setting::kMaximumTemperature, true},
-};
-
-std::int32_t thousandths(double value) {
-  return static_cast<std::int32_t>(std::lround(value * 1000));
-}
-std::int32_t tenths(double value) {
-  return static_cast<std::int32_t>(std::lround(value * 10));
-}
-
-// The rig file's value; none when the board's is taken as it is.
-std::optional<std::int32_t> wanted(wire::Setting id, const RigDescription& rig) {
-  switch (id) {
-    case wire::Setting::kInStream:
-      return rig.cnc.m_codes == MCodeRoute::kInStream ? 1 : 0;
-    case wire::Setting::kStepsPerMetre:
-      return thousandths(rig.extrusion.steps_per_mm);
-    case wire::Setting::kRetractSpeed:
-      return thousandths(rig.extrusion.retract_mm_per_s);
-    case wire::Setting::kMinimumTemperature:
-      return tenths(rig.extrusion.minimum_temperature.value());
-    case wire::Setting::kMaximumTemperature:
-      return tenths(rig.extrusion.maximum_temperature.value());
-    default:
-      return std::nullopt;
-  }
-}
-
-std::int32_t wire_argument(const ExtruderOrder& order) {
-  if (order.m_code == 70) return tenths(order.argument);
-  if (order.m_code == 72 || order.m_code == 74) return thousandths(order.argument);
-  return wire::kUseSetting;
-}
-
 bool pushes(wire::State state) {
   return state == wire::State::kExtruding || state == wire::State::kRestoring ||
          state == wire::State::kStopping;
 }
 
 }  // namespace
-
-std::string to_string(const ExtruderOrder& order) {
-  char text[32];
-  const char* format = order.m_code == 70                         ? "M%d S%.1f"
-                       : order.m_code == 72 || order.m_code == 74 ? "M%d P%.4f"
-                                                                  : "M%d";
-  std::snprintf(text, sizeof text, format, order.m_code, order.argument);
-  return text;
-}
 
 ExtruderLink::ExtruderLink(const RigDescription& rig, ExtruderTimes times,
                            std::uint16_t session_seed)
@@ -87,7 +33,11 @@ void ExtruderLink::opened(Instant now) {
   sequence_ = 0;
   setting_ = 0;
   hellos_ = 0;
-  beat(now);
+  if (now < quiet_until_) {
+    next_beat_ = quiet_until_;
+  } else {
+    beat(now);
+  }
 }
 
 void ExtruderLink::closed() {
@@ -179,13 +129,13 @@ void ExtruderLink::take_banner(Instant now, const wire::Banner& banner, Events& 
 }
 
 void ExtruderLink::take_setting(Instant now, const wire::SettingValue& value, Events& out) {
-  if (setting_ >= std::size(kAgreements) || outstanding_) return;
-  const Agreement& agreement = kAgreements[setting_];
+  if (setting_ >= agreements().size() || outstanding_) return;
+  const Agreement& agreement = agreements()[setting_];
   if (value.id != agreement.id) return;
   if (value.id == wire::Setting::kSilence) {
     dead_man_ = std::chrono::milliseconds(std::clamp(value.value, 100, 60000));
   }
-  const auto want = wanted(value.id, rig_);
+  const auto want = wanted_value(value.id, rig_);
   if (!want || *want == value.value) {
     ++setting_;
     beat(now);
@@ -202,7 +152,7 @@ void ExtruderLink::take_setting(Instant now, const wire::SettingValue& value, Ev
 void ExtruderLink::take_status(Instant now, const wire::Status& status, Events& out) {
   status_ = status;
   judge_fault(status.state, status.fault, out);
-  if (!identified_ && setting_ == std::size(kAgreements)) {
+  if (!identified_ && setting_ == agreements().size()) {
     identified_ = true;
     out.push_back(Identified{version_});
   }
@@ -232,7 +182,7 @@ void ExtruderLink::take_ack(Instant now, const wire::Frame& frame, Events& out) 
 
 void ExtruderLink::finish(Instant now, wire::Reason reason, Events& out) {
   if (reason == wire::Reason::kStale) {
-    return lose("The extruder board counts orders of another session.", out);
+    return lose(now, "The extruder board counts orders of another session.", out);
   }
   const Outstanding over = *std::exchange(outstanding_, std::nullopt);
   const bool done = reason == wire::Reason::kNone;
@@ -277,9 +227,11 @@ void ExtruderLink::reject(std::string sentence, Events& out) {
   out.push_back(WrongBoard{std::move(sentence)});
 }
 
-// Sends on when told to (an M73 may still get through), but asks and judges nothing any more.
-void ExtruderLink::lose(std::string sentence, Events& out) {
+// Sends on when told to (an M73 may still get through), but asks and judges nothing any more. The
+// board is greeted again only after its dead-man had its time: greeting it would feed it.
+void ExtruderLink::lose(Instant now, std::string sentence, Events& out) {
   lost_ = true;
+  quiet_until_ = now + dead_man_ + times_.dead_man_margin;
   identified_ = starving_ = false;
   outstanding_.reset();
   queue_.clear();
@@ -365,8 +317,8 @@ void ExtruderLink::beat(Instant now) {
   ++query_;
   if (!greeted_) {
     transmit(now, pack(wire::Hello{wire::kProtocolVersion, session_}, query_));
-  } else if (setting_ < std::size(kAgreements) && !outstanding_) {
-    transmit(now, pack(wire::GetSetting{kAgreements[setting_].id}, query_));
+  } else if (setting_ < agreements().size() && !outstanding_) {
+    transmit(now, pack(wire::GetSetting{agreements()[setting_].id}, query_));
   } else {
     transmit(now, pack(wire::Type::kStatusQuery, query_));
   }
@@ -394,7 +346,7 @@ std::vector<ExtruderLink::Event> ExtruderLink::tick(Instant now) {
     if (outstanding_->attempts >= times_.attempts) {
       const std::string what =
           outstanding_->order ? to_string(*outstanding_->order) : std::string("a setting");
-      lose("The extruder board has not acknowledged " + what + ".", out);
+      lose(now, "The extruder board has not acknowledged " + what + ".", out);
       return out;
     }
     send_outstanding(now);
@@ -407,7 +359,7 @@ std::vector<ExtruderLink::Event> ExtruderLink::tick(Instant now) {
     send_next(now);
   }
   if (now >= silent_at()) {
-    lose("The extruder board is silent.", out);
+    lose(now, "The extruder board is silent.", out);
     return out;
   }
   if (starving_ && now >= starved_at()) {

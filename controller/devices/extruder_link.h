@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "controller/core/instant.h"
+#include "controller/devices/extruder_order.h"
 #include "protocols/extruder_wire.h"
 #include "protocols/rig.h"
 
@@ -36,14 +37,6 @@ struct ExtruderTimes {
   Duration finish = std::chrono::seconds(15);   // kDone of the others
   Duration dead_man_margin = std::chrono::seconds(1);
 };
-
-// An M-code with its argument: M70 °C, M72 mm of filament a second, M74 mm; others none.
-struct ExtruderOrder {
-  int m_code;
-  double argument = 0;
-  friend bool operator==(const ExtruderOrder&, const ExtruderOrder&) = default;
-};
-std::string to_string(const ExtruderOrder& order);  // "M72 P0.3466"
 
 class ExtruderLink {
  public:
@@ -113,7 +106,7 @@ class ExtruderLink {
   void finish(Instant now, wire::Reason reason, Events& out);
   void judge_fault(wire::State state, wire::Fault fault, Events& out);
   void reject(std::string sentence, Events& out);
-  void lose(std::string sentence, Events& out);
+  void lose(Instant now, std::string sentence, Events& out);
   void beat(Instant now);  // hello, setting, or status query: whatever is next
   void transmit(Instant now, const wire::Frame& frame);
   void enqueue(Instant now, Outstanding next);
@@ -142,6 +135,7 @@ class ExtruderLink {
   Instant last_frame_{};  // a valid one, from the board
   Instant last_sent_{};
   Instant closer_since_{};  // since when the shorter deadline of extruding counts
+  Instant quiet_until_{};   // a lost board is not greeted before
   Instant next_beat_ = kNever;
   Duration dead_man_ = std::chrono::seconds(3);  // the board's kSilence setting
   std::optional<Outstanding> outstanding_;

@@ -27,6 +27,7 @@ class Disturber {
       case 2:
         return what_next("error:1\r\n");
       case 3:
+        bench_.doubled_acknowledgement = true;
         return what_next("ok\r\nok\r\n");
       case 4:
         return what_next("");
@@ -169,8 +170,8 @@ void one_life(unsigned seed) {
   EXPECT_EQ(bench.state(), RigState::kIdle) << bench.core.snapshot().sentence;
 }
 
-TEST(FaultSequence, ThreeHundredDisturbedJobsKeepTheInvariants) {
-  for (unsigned seed = 1; seed <= 300 && !testing::Test::HasFailure(); ++seed) one_life(seed);
+TEST(FaultSequence, FourHundredDisturbedJobsKeepTheInvariants) {
+  for (unsigned seed = 1; seed <= 400 && !testing::Test::HasFailure(); ++seed) one_life(seed);
 }
 
 }  // namespace

@@ -527,7 +527,7 @@ TEST(Sequencer, ABoardThatCountsAnotherSessionsOrdersIsGreetedAnew) {
   bench.now = crashed.now;
   bench.core.recover_interrupted();
   bench.plug_both();
-  bench.run_for(3s);
+  bench.run_for(8s);
   EXPECT_NE(bench.state(), RigState::kDisconnected);
   EXPECT_EQ(bench.extruder.executed.back().m_code, 73);
 }
