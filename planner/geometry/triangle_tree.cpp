@@ -35,21 +35,46 @@ Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3
   return best;
 }
 
-// How far outside the range [0, 0] all three values lie on one side; 0 if they do not.
 bool all_on_one_side(double x, double y, double z, double margin) {
   return (x > margin && y > margin && z > margin) || (x < -margin && y < -margin && z < -margin);
 }
 
-// Whether the plane of (a, b, c) leaves the other triangle on one side, beyond doubt.
-bool plane_separates(const std::array<Vec3, 3>& t, const std::array<Vec3, 3>& other) {
-  const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
-  const double size = (t[1] - t[0]).cwiseAbs().maxCoeff() + (t[2] - t[0]).cwiseAbs().maxCoeff();
-  double reach = 0;
-  for (const Vec3& p : other) reach = std::max(reach, (p - t[0]).cwiseAbs().maxCoeff());
-  // Far above the rounding of a 3 x 3 determinant with these entries.
-  const double margin = 1e-13 * size * size * reach + 1e-300;
-  return all_on_one_side((other[0] - t[0]).dot(normal), (other[1] - t[0]).dot(normal),
-                         (other[2] - t[0]).dot(normal), margin);
+using Triangle = std::array<Vec3, 3>;
+
+double determinant(const Vec3& a, const Vec3& b, const Vec3& c) {
+  return a.dot(b.cross(c));
+}
+
+// Whether two triangles may share a point; says no only beyond doubt.
+bool triangles_may_meet(const Triangle& s, const Triangle& t) {
+  double size = 0;
+  for (const Triangle* triangle : {&s, &t}) {
+    for (const Vec3& p : *triangle) size = std::max(size, (p - s[0]).cwiseAbs().maxCoeff());
+  }
+  const double doubt = 1e-13 * size * size * size;  // far above the rounding of a determinant
+  for (const auto& [one, other] : {std::pair(&s, &t), std::pair(&t, &s)}) {
+    const auto& [a, b, c] = *one;
+    const Vec3 normal = (b - a).cross(c - a);
+    if (all_on_one_side(((*other)[0] - a).dot(normal), ((*other)[1] - a).dot(normal),
+                        ((*other)[2] - a).dot(normal), doubt)) {
+      return false;
+    }
+  }
+  // If they meet, an edge of one goes through the other.
+  for (const auto& [one, other] : {std::pair(&s, &t), std::pair(&t, &s)}) {
+    const auto& [a, b, c] = *one;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3 &p = (*other)[k], &q = (*other)[(k + 1) % 3];
+      const double from = determinant(b - a, c - a, p - a), to = determinant(b - a, c - a, q - a);
+      if ((from > doubt && to > doubt) || (from < -doubt && to < -doubt)) continue;
+      const double u = determinant(q - p, a - p, b - p), v = determinant(q - p, b - p, c - p),
+                   w = determinant(q - p, c - p, a - p);
+      const bool above = u > doubt || v > doubt || w > doubt;
+      const bool below = u < -doubt || v < -doubt || w < -doubt;
+      if (!(above && below)) return true;
+    }
+  }
+  return false;
 }
 
 }  // namespace
@@ -199,13 +224,13 @@ bool TriangleTree::contains(const Vec3& point) const {
 
 bool TriangleTree::may_meet(const TriangleTree& a, std::uint32_t one, const TriangleTree& b,
                             std::uint32_t other) {
-  const std::array<Vec3, 3> s{a.corner(one, 0), a.corner(one, 1), a.corner(one, 2)};
-  const std::array<Vec3, 3> t{b.corner(other, 0), b.corner(other, 1), b.corner(other, 2)};
+  const Triangle s{a.corner(one, 0), a.corner(one, 1), a.corner(one, 2)};
+  const Triangle t{b.corner(other, 0), b.corner(other, 1), b.corner(other, 2)};
   for (int k = 0; k < 3; ++k) {
     if (std::max({s[0][k], s[1][k], s[2][k]}) < std::min({t[0][k], t[1][k], t[2][k]})) return false;
     if (std::max({t[0][k], t[1][k], t[2][k]}) < std::min({s[0][k], s[1][k], s[2][k]})) return false;
   }
-  return !plane_separates(s, t) && !plane_separates(t, s);
+  return triangles_may_meet(s, t);
 }
 
 }  // namespace reforge
