@@ -76,11 +76,16 @@ Result<json> gather(const ReportOptions& options) {
 void print_table(const json& report) {
   const json& planned = report["volumes_mm3"]["planned"];
   const json& simulated = report["volumes_mm3"]["simulated"];
+  const json& details = report["volumes_mm3"]["details"];
+  const auto row = [](const char* name, const json& plan, const json& simulation) {
+    std::printf("  %-10s mm^3 %11.1f %11.1f\n", name, plan.get<double>(), simulation.get<double>());
+  };
   std::printf("                    planned   simulated\n");
-  for (const char* volume : {"reused", "removed", "added"}) {
-    std::printf("  %-10s mm^3 %11.1f %11.1f\n", volume, planned[volume].get<double>(),
-                simulated[volume].get<double>());
-  }
+  row("reused", planned["reused"], simulated["reused"]);
+  row("removed", planned["removed"], simulated["removed"]);
+  // A print is walls, skins and sparse infill: the solid that they fill, and the plastic they take.
+  row("added", planned["added"], details["plan_covered"]);
+  row("  plastic", details["added_by_flow"], simulated["added"]);
   const json& results = report["results"];
   const json& filament = report["filament"];
   std::printf("  reused of the target  R_V %.3f (ideal)  R_F %.3f\n", results["R_V"].get<double>(),

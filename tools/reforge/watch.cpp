@@ -56,9 +56,9 @@ class Display {
   void progress(const api::Progress& p) {
     if (as_json_) return;
     const int percent = p.lines > 0 ? static_cast<int>(100 * p.acknowledged / p.lines) : 0;
-    // Without a terminal a line for each percent is enough.
-    if (!in_place_ && percent == percent_) return;
-    percent_ = percent;
+    // Without a terminal a line for each twentieth is enough.
+    if (!in_place_ && percent / 5 == shown_twentieth_) return;
+    shown_twentieth_ = percent / 5;
     char temperature[32] = "? C";
     if (p.temperature_c) {
       std::snprintf(temperature, sizeof temperature, "%.1f C", *p.temperature_c);
@@ -83,7 +83,7 @@ class Display {
 
   bool as_json_;
   bool in_place_;
-  int percent_ = -1;
+  int shown_twentieth_ = -1;
 };
 
 }  // namespace
