@@ -6,30 +6,18 @@
 #include <optional>
 #include <sstream>
 
-#include "planner/blocks/additive_blocks.h"
-#include "planner/blocks/milled_blocks.h"
-#include "planner/blocks/subtractive_blocks.h"
-#include "planner/blocks/voxel_solid.h"
 #include "planner/geometry/mesh_io.h"
+#include "planner/program/fabricate.h"
 #include "planner/program/job_folder.h"
 #include "planner/program/plan_report.h"
 #include "planner/program/post.h"
-#include "planner/toolpath/deposition.h"
 #include "planner/verify/verify.h"
 #include "protocols/sha256.h"
 
 namespace reforge {
 namespace {
 
-constexpr double kSurfaceSpacing = 0.5;  // mm between samples of the machined surface
-constexpr double kSearchShare = 0.6;     // of a time limit
-constexpr double kWorthANote = 0.5;      // mm^3
-
-std::string amount(double mm3) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f mm3", mm3);
-  return text;
-}
+constexpr double kSearchShare = 0.6;  // of a time limit
 
 Error interrupted_error() {
   return {Code::kInterrupted, "stopped before the job was complete; nothing was written"};
@@ -43,14 +31,6 @@ Result<std::string> bytes_of(const std::filesystem::path& file) {
   return bytes.str();
 }
 
-// What the stages after the reuse chain make.
-struct Work {
-  std::vector<BlockToolpath> toolpaths;
-  std::vector<BlockReport> blocks;
-  std::vector<TriangleMesh> solids;  // of the blocks
-  std::vector<std::string> notes;
-};
-
 class Chain {
  public:
   Chain(const PlanRequest& request, StageTimes& times) : request_(request), times_(times) {}
@@ -62,9 +42,7 @@ class Chain {
   void say(std::string_view stage, std::string_view what) const {
     if (request_.progress) request_.progress(stage, what);
   }
-  Status mill(const ReusePlan& plan, Work& work);
-  Status print(const ReusePlan& plan, Work& work);
-  Result<PlanOutcome> finish(const ReusePlan& plan, Work work, JobDraft& draft);
+  Result<PlanOutcome> finish(const ReusePlan& plan, const Fabrication& made, JobDraft& draft);
   Result<PlanOutcome> give_up(const Infeasible& why, JobDraft& draft);
   PlanFacts facts(const std::string& program_sha256, std::vector<std::string> notes) const {
     return {request_,         rig_,  initial_sha256_, target_sha256_, program_sha256,
@@ -77,118 +55,23 @@ class Chain {
   RigDescription rig_;
   std::string initial_sha256_, target_sha256_;
   std::vector<std::string> load_notes_;
-  TriangleMesh leftover_;  // stock that milling had to leave, strict mode's obstacles
 };
 
-Status Chain::mill(const ReusePlan& plan, Work& work) {
-  const MillingOptions options = milling_options(rig_, request_.mode);
-  const Surroundings solids{plan.initial, plan.reused, plan.fixture};
-  PartStock stock;
-  std::vector<MachinedSample> surface;
-  std::vector<Vec3> directions;
-  {
-    const StageTimer timer(times_, "blocks");
-    say("blocks", "finding milling directions");
-    stock = part_stock(plan.initial, plan.reused);
-    surface = machined_surface(plan.reused, plan.removed, kSurfaceSpacing);
-    directions = milling_directions(
-        options, solids, stock, surface, plan.cutter_directions, [&](const Vec3& d) {
-          return request_.mode == Mode::kPaper || !rotary_solutions(rig_, d, {}).empty();
-        });
-  }
-  Milling milling;
-  {
-    const StageTimer timer(times_, "toolpaths");
-    milling = mill_blocks(
-        options, solids, surface, directions, [&] { return stopped(); },
-        [&](const std::string& what) { say("toolpaths", what); }, stock);
-  }
-  if (stopped()) return interrupted_error();
-  const StageTimer timer(times_, "blocks");
-  for (MilledBlock& block : milling.blocks) {
-    work.blocks.push_back({BlockKind::kMill, block.toolpath.frame.d, block.removed_mm3, "", {}});
-    work.toolpaths.push_back(std::move(block.toolpath));
-    work.solids.push_back(voxel_solid(stock.voxels, block.removed));
-  }
-  BitSet left = stock.rest();
-  left.subtract(stock.near_keep);
-  if (request_.mode == Mode::kStrict) leftover_ = voxel_solid(stock.voxels, left);
-  if (milling.left_mm3 > kWorthANote) {
-    work.notes.push_back("milling leaves " + amount(milling.left_mm3) +
-                         " of the removed volume standing, where no chosen direction reaches it");
-  }
-  if (!surface.empty()) {
-    char text[160];
-    std::snprintf(text, sizeof text,
-                  "of %zu samples of the milled surface the ball can touch %zu; %zu were finished",
-                  milling.samples, milling.samples_touchable, milling.samples_finished);
-    work.notes.emplace_back(text);
-  }
-  return Unit{};
-}
-
-Status Chain::print(const ReusePlan& plan, Work& work) {
-  const DepositionOptions options = deposition_options(rig_, request_.mode);
-  const bool strict = request_.mode == Mode::kStrict;
-  Result<std::vector<AdditiveBlock>> blocks = [&] {
-    const StageTimer timer(times_, "blocks");
-    say("blocks", "taking the added volume apart");
-    PrintScene scene{plan.target, {&plan.reused}, plan.nozzle_directions, strict};
-    if (!plan.fixture.empty()) scene.obstacles.push_back(&plan.fixture);
-    return additive_blocks(plan.added, plan.bases, options.nozzle, scene);
-  }();
-  if (!blocks) return blocks.error();
-  const StageTimer timer(times_, "toolpaths");
-  std::vector<const TriangleMesh*> ground{&plan.reused};
-  // The paper's nozzle minds V_R alone; the rig's minds everything that stands.
-  std::vector<const TriangleMesh*> obstacles{&plan.reused};
-  if (strict) obstacles.insert(obstacles.end(), {&plan.fixture, &leftover_});
-  double unsupported = 0, blocked = 0;
-  std::vector<TriangleMesh> solids;
-  for (size_t i = 0; i < blocks->size(); ++i) {
-    say("toolpaths", "printing " + std::to_string(i + 1) + " of " + std::to_string(blocks->size()));
-    const AdditiveBlock& block = (*blocks)[i];
-    BlockToolpath toolpath;
-    toolpath.kind = BlockKind::kPrint;
-    toolpath.frame = Frame::along(block.direction);
-    Deposition deposition =
-        deposit(options, block.solid, toolpath.frame, ground, obstacles, [&] { return stopped(); });
-    if (stopped()) return interrupted_error();
-    unsupported += deposition.unsupported_mm3 + deposition.hanging_mm3;
-    blocked += deposition.blocked_mm3;
-    ground.push_back(&block.solid);
-    if (strict) obstacles.push_back(&block.solid);
-    if (deposition.paths.empty()) continue;
-    toolpath.paths = std::move(deposition.paths);
-    work.blocks.push_back({BlockKind::kPrint, block.direction, volume(block.solid), "", {}});
-    work.toolpaths.push_back(std::move(toolpath));
-    work.solids.push_back(block.solid);
-  }
-  if (unsupported > kWorthANote) {
-    work.notes.push_back(
-        amount(unsupported) +
-        " of the added volume hang over more than layers can carry and are left out");
-  }
-  if (blocked > kWorthANote) {
-    work.notes.push_back(amount(blocked) +
-                         " of the added volume cannot be reached by the nozzle and are left out");
-  }
-  return Unit{};
-}
-
-Result<PlanOutcome> Chain::finish(const ReusePlan& plan, Work work, JobDraft& draft) {
+Result<PlanOutcome> Chain::finish(const ReusePlan& plan, const Fabrication& made, JobDraft& draft) {
   const std::pair<const char*, const TriangleMesh*> meshes[] = {
       {"initial.stl", &plan.initial}, {"target.stl", &plan.target}, {"reused.stl", &plan.reused},
       {"removed.stl", &plan.removed}, {"added.stl", &plan.added},   {"fixture.stl", &plan.fixture}};
   for (const auto& [name, mesh] : meshes) {
     if (const Status done = draft.write(name, *mesh); !done) return done.error();
   }
-  for (size_t i = 0; i < work.blocks.size(); ++i) {
+  std::vector<BlockReport> blocks;
+  for (size_t i = 0; i < made.toolpaths.size(); ++i) {
+    const BlockToolpath& toolpath = made.toolpaths[i];
     char name[48];
     std::snprintf(name, sizeof name, "blocks/%02zu-%s.stl", i + 1,
-                  work.blocks[i].kind == BlockKind::kMill ? "mill" : "print");
-    work.blocks[i].file = name;
-    if (const Status done = draft.write(name, work.solids[i]); !done) return done.error();
+                  toolpath.kind == BlockKind::kMill ? "mill" : "print");
+    blocks.push_back({toolpath.kind, toolpath.frame.d, made.solids[i].volume_mm3, name, {}});
+    if (const Status done = draft.write(name, made.solids[i].solid); !done) return done.error();
   }
   const Result<std::string> stock_sha256 = sha256_of_file(draft.folder() / "initial.stl");
   if (!stock_sha256) return stock_sha256.error();
@@ -202,7 +85,7 @@ Result<PlanOutcome> Chain::finish(const ReusePlan& plan, Work work, JobDraft& dr
                 *stock_sha256,
                 {&plan.initial, &plan.target}};
     if (!plan.fixture.empty()) job.solids.push_back(&plan.fixture);
-    Result<Program> posted = post_program(rig_, job, work.toolpaths);
+    Result<Program> posted = post_program(rig_, job, made.toolpaths);
     if (!posted) {
       if (posted.error().code != Code::kUnreachable) return posted.error();
       Infeasible why;
@@ -217,8 +100,7 @@ Result<PlanOutcome> Chain::finish(const ReusePlan& plan, Work work, JobDraft& dr
     program = std::move(*posted);
     if (const Status done = draft.write("program.nc", program.text); !done) return done.error();
   }
-  for (size_t i = 0; i < work.blocks.size(); ++i) work.blocks[i].figures = program.blocks[i];
-  work.notes.insert(work.notes.end(), program.notes.begin(), program.notes.end());
+  for (size_t i = 0; i < blocks.size(); ++i) blocks[i].figures = program.blocks[i];
 
   PlanOutcome outcome;
   outcome.feasible = true;
@@ -244,10 +126,11 @@ Result<PlanOutcome> Chain::finish(const ReusePlan& plan, Work work, JobDraft& dr
   }
   std::vector<std::string> notes = load_notes_;
   notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
-  notes.insert(notes.end(), work.notes.begin(), work.notes.end());
+  notes.insert(notes.end(), made.notes.begin(), made.notes.end());
+  notes.insert(notes.end(), program.notes.begin(), program.notes.end());
   total_.reset();
-  outcome.json = feasible_report(facts(sha256_hex(program.text), std::move(notes)), plan,
-                                 work.blocks, program);
+  outcome.json =
+      feasible_report(facts(sha256_hex(program.text), std::move(notes)), plan, blocks, program);
   return outcome;
 }
 
@@ -311,10 +194,10 @@ Result<PlanOutcome> Chain::run() {
     if (stopped()) return interrupted_error();
     if (const auto* why = std::get_if<Infeasible>(&*reuse)) return give_up(*why, *draft);
     const ReusePlan& plan = std::get<ReusePlan>(*reuse);
-    Work work;
-    if (const Status done = mill(plan, work); !done) return done.error();
-    if (const Status done = print(plan, work); !done) return done.error();
-    return finish(plan, std::move(work), *draft);
+    const Result<Fabrication> made =
+        fabricate(plan, rig_, request_.mode, {request_.progress, request_.should_stop}, times_);
+    if (!made) return made.error();
+    return finish(plan, *made, *draft);
   }();
   if (!outcome) return outcome;
   if (stopped()) return interrupted_error();
