@@ -34,7 +34,8 @@ constexpr uint8_t kServoTickUs = 4;
 constexpr uint8_t kServoTicksMin = 4;  // a match must lie ahead when it is set
 
 reforge::firmware::Feeder* g_feeder;
-reforge::firmware::Ring<128> g_received;
+reforge::firmware::Ring<64>
+    g_received;  // 5.5 ms at 115200 baud; the main loop looks every millisecond
 reforge::firmware::Ring<128> g_transmit;
 volatile uint8_t g_milliseconds;
 volatile uint8_t g_servo_turns;  // of timer 0 still to come in this pulse

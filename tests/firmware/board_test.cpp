@@ -1,6 +1,7 @@
 // The real firmware ELF in simavr, with bytes, pins and heat around it.
 
 #include <algorithm>
+#include <cstdio>
 #include <random>
 #include <utility>
 #include <vector>
@@ -318,10 +319,63 @@ TEST(Board, AnswersAndStepsEvenlyAtFullRate) {
   bench.command(73);
   const wire::Done stopped = bench.await_done(500);
   EXPECT_EQ(stopped.position, board.position());
+}
 
-  // Static data and the deepest stack so far leave at least half of the RAM untouched.
-  EXPECT_GE(board.ram_never_used(), 1024);
-  RecordProperty("ram_never_used", board.ram_never_used());
+// Every path that goes deep, at full step rate: orders, settings, EEPROM, text, relays, faults.
+TEST(Board, StaysWithinHalfOfFlashAndRamWithItsDeepestStack) {
+  Bench bench = Bench::greeted();
+  bench.set(Setting::kStepsPerMetre, 400'000);
+  bench.set(Setting::kAcceleration, 2'000'000);
+  bench.order(wire::pack(Type::kSaveSettings, 0));
+  EXPECT_EQ(bench.await_ack().reason, Reason::kNone);
+  EXPECT_EQ(bench.await_done(2000).reason, Reason::kNone);
+  bench.open_hot();
+  bench.command(72, 50'000);
+  for (int i = 0; i < 100; ++i) {
+    bench.run_ms(3);
+    bench.send(wire::pack(Type::kStatusQuery, 1));
+    bench.send(pack(wire::GetSetting{Setting::kPidP}, 2));
+    bench.send(pack(wire::Hello{wire::kProtocolVersion, 7}, 0));
+  }
+  bench.command(74, 1000);  // refused
+  bench.command(73);
+  bench.run_ms(300);
+  bench.command(74, 2000);
+  bench.run_ms(300);
+  bench.command(75);
+  bench.run_ms(50);
+  bench.command(72, 50'000);
+  bench.run_ms(300);
+  bench.board().hot_end().set_sensor(SensorWiring::kOpen);
+  bench.run_ms(500);
+  bench.board().hot_end().set_sensor(SensorWiring::kConnected);
+  bench.run_ms(300);
+  bench.order(wire::pack(Type::kClearFault, 0));
+  bench.run_ms(50);
+  while (bench.await(Type::kDone, 0)) {
+  }
+  bench.set(Setting::kInStream, 1);
+  bench.board().set_signal(CncSignal::kRunning, true);
+  bench.board().set_signal(CncSignal::kOpenModule, true);
+  bench.run_ms(5000);
+  bench.board().set_signal(CncSignal::kExtrude, true);
+  bench.run_ms(500);
+  bench.board().set_signal(CncSignal::kRunning, false);
+  bench.run_ms(200);
+  bench.silence(true);
+  bench.run_ms(4000);
+  for (const char* line : {"?\n", "CLEAR\n", "M70 S205\n", "M72 L199.999 F50.123\n", "M73\n",
+                           "M74 L1.5\n", "?\n", "nonsense that is far too long for a line\n"}) {
+    bench.send_text(line);
+    bench.run_ms(300);
+  }
+  AvrBoard& board = bench.board();
+  const int used = 2048 - board.ram_never_used();
+  std::printf(
+      "arduino-extruder: flash %d of 32256 bytes, static RAM %d, with deepest stack %d of 2048\n",
+      board.flash_bytes(), board.static_ram_bytes(), used);
+  EXPECT_LE(board.flash_bytes(), 32'256 / 2);
+  EXPECT_LE(used, 2048 / 2);
 }
 
 TEST(Board, TheSameRunGivesTheSameBytesAndSteps) {

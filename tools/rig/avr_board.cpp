@@ -114,6 +114,7 @@ struct AvrBoard::Chip {
   bool relay = false, run_permitted = false, ready = false;
   std::vector<StepEdge> steps;
   int64_t position = 0;
+  int flash_bytes = 0, static_ram_bytes = 0;
   uint8_t driven_c = 0, levels_c = 0, driven_d = 0, levels_d = 0;
   int64_t servo_rise = 0, servo_last = 0;
   int servo_pulse_us = 0;
@@ -317,6 +318,8 @@ Result<std::unique_ptr<AvrBoard>> AvrBoard::open(const std::filesystem::path& el
   }
   avr_init(chip->avr);
   avr_load_firmware(chip->avr, &firmware);
+  chip->flash_bytes = static_cast<int>(firmware.flashsize);
+  chip->static_ram_bytes = static_cast<int>(firmware.datasize + firmware.bsssize);
   free(firmware.flash);
   free(firmware.eeprom);
   for (uint32_t i = 0; i < firmware.symbolcount; ++i) free(firmware.symbol[i]);
@@ -447,6 +450,13 @@ void AvrBoard::set_filament_present(bool present) {
 
 void AvrBoard::set_signal(CncSignal signal, bool closed) {
   chip_->drive(kSignals[static_cast<size_t>(signal)], !closed);
+}
+
+int AvrBoard::flash_bytes() const {
+  return chip_->flash_bytes;
+}
+int AvrBoard::static_ram_bytes() const {
+  return chip_->static_ram_bytes;
 }
 
 int AvrBoard::ram_never_used() const {

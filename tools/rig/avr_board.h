@@ -79,8 +79,11 @@ class AvrBoard {
   void set_filament_present(bool present);
   void set_signal(CncSignal signal, bool closed);
 
-  // For judging the firmware: lowest free byte count between static data and stack so far.
+  // For judging the firmware: lowest free byte count between static data and stack so far, and what
+  // the program takes by itself (flash includes the initial values of the data).
   int ram_never_used() const;
+  int flash_bytes() const;
+  int static_ram_bytes() const;
 
  private:
   struct Chip;
