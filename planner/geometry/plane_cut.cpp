@@ -1,34 +1,28 @@
 // Symbols: s signed distance of a vertex from the plane; far facets have a corner with s > 0 and
 // none with s < 0 once every edge through the plane has been split; R the region being cut.
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"  // CGAL's empty function objects, g++ 12
-#endif
-
 #include "planner/geometry/plane_cut.h"
-
-#include <CGAL/Constrained_Delaunay_triangulation_2.h>
-#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
-#include <CGAL/Triangulation_face_base_with_info_2.h>
-#include <CGAL/Triangulation_vertex_base_with_info_2.h>
 
 #include <algorithm>
 #include <map>
 #include <numeric>
 #include <optional>
 
-#include "planner/geometry/height_map.h"
-#include "planner/geometry/mesh_io.h"
 #include "planner/geometry/mesh_io.h"
 #include "planner/geometry/mesh_topology.h"
+#include "planner/geometry/plane_caps.h"
 
 namespace reforge {
 namespace {
 
-constexpr double kOnPlane = 1e-5;  // mm
+constexpr double kOnPlane = 1e-5;             // mm, at least
+constexpr double kRounding = 1. / (1 << 22);  // of the largest coordinate: more than float's
+constexpr int kPasses = 16;                   // until outlines lie on each other or apart
+constexpr int kAttempts = 6;
+constexpr double kStep = 4e-5;   // mm between attempts
+constexpr double kClean = 1e-6;  // mm^2 of folded caps that nobody minds
 
-using Edge = std::pair<std::uint32_t, std::uint32_t>;
 using Triple = std::array<std::uint32_t, 3>;
-Edge undirected(std::uint32_t a, std::uint32_t b) {
+UndirectedEdge undirected(std::uint32_t a, std::uint32_t b) {
   return {std::min(a, b), std::max(a, b)};
 }
 
@@ -38,6 +32,7 @@ struct Split {
   std::vector<double> distance;    // by vertex; on the plane exactly 0
   std::vector<std::uint32_t> far;  // facets of R beyond the plane
   std::vector<Triple> caps;        // counter-clockwise seen from the far side
+  double folded_mm2 = 0;           // of them
 };
 
 bool borders(const CellFacet& facet, std::uint8_t region) {
@@ -45,13 +40,10 @@ bool borders(const CellFacet& facet, std::uint8_t region) {
 }
 
 // Splits every edge of R's surface that passes through the plane, in all facets that have it.
-void split_edges(Split& split, const Plane& plane, std::uint8_t region) {
-  auto& [complex, s, far, caps] = split;
-  for (const Vec3& vertex : complex.vertices) {
-    const double distance = plane.signed_distance(vertex);
-    s.push_back(std::abs(distance) < kOnPlane ? 0 : distance);
-  }
-  std::map<Edge, std::uint32_t> middle;
+void split_edges(Split& split, std::uint8_t region) {
+  CellComplex& complex = split.complex;
+  std::vector<double>& s = split.distance;
+  std::map<UndirectedEdge, std::uint32_t> middle;
   for (const CellFacet& facet : complex.facets) {
     if (!borders(facet, region)) continue;
     for (int k = 0; k < 3; ++k) {
@@ -105,6 +97,7 @@ void split_edges(Split& split, const Plane& plane, std::uint8_t region) {
 }
 
 void find_far(Split& split, const Plane& plane, std::uint8_t region) {
+  split.far.clear();
   for (std::uint32_t f = 0; f < split.complex.facets.size(); ++f) {
     const CellFacet& facet = split.complex.facets[f];
     if (!borders(facet, region)) continue;
@@ -122,18 +115,9 @@ void find_far(Split& split, const Plane& plane, std::uint8_t region) {
   }
 }
 
-using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
-using VertexBase = CGAL::Triangulation_vertex_base_with_info_2<std::uint32_t, Kernel>;
-using FaceBase =
-    CGAL::Triangulation_face_base_with_info_2<std::optional<int>, Kernel,
-                                              CGAL::Constrained_triangulation_face_base_2<Kernel>>;
-using Triangulation = CGAL::Constrained_Delaunay_triangulation_2<
-    Kernel, CGAL::Triangulation_data_structure_2<VertexBase, FaceBase>,
-    CGAL::No_constraint_intersection_tag>;
-
-// Triangulates what the outlines enclose; false when outlines cross or points fall together.
-bool make_caps(Split& split, const Plane& plane, std::uint8_t region) {
-  std::map<Edge, int> outline;  // a < b: how often the caps run from a to b
+// What R's surface beyond the plane leaves open.
+Outline outline_of(const Split& split, std::uint8_t region) {
+  Outline outline;
   for (const auto f : split.far) {
     const CellFacet& facet = split.complex.facets[f];
     for (int k = 0; k < 3; ++k) {
@@ -146,77 +130,88 @@ bool make_caps(Split& split, const Plane& plane, std::uint8_t region) {
     }
   }
   std::erase_if(outline, [](const auto& entry) { return entry.second == 0; });
-  if (outline.empty()) return true;
-  const Frame frame = Frame::along(plane.normal);
-  Triangulation triangulation;
-  std::map<std::uint32_t, Triangulation::Vertex_handle> handle;
-  for (const auto& [edge, turns] : outline) {
-    for (const auto vertex : {edge.first, edge.second}) {
-      if (handle.count(vertex)) continue;
-      const Vec3 local = frame.to_local(split.complex.vertices[vertex]);
-      const auto before = triangulation.number_of_vertices();
-      handle[vertex] = triangulation.insert(Kernel::Point_2(local.x(), local.y()));
-      if (triangulation.number_of_vertices() == before) return false;
-      handle[vertex]->info() = vertex;
-    }
-  }
-  try {
-    for (const auto& [edge, turns] : outline) {
-      triangulation.insert_constraint(handle[edge.first], handle[edge.second]);
-    }
-  } catch (const Triangulation::Intersection_of_constraints_exception&) {
-    return false;
-  }
-  // How often the outlines wind around each face, outside in.
-  std::vector<Triangulation::Face_handle> front{triangulation.infinite_face()};
-  front.front()->info() = 0;
-  while (!front.empty()) {
-    const auto face = front.back();
-    front.pop_back();
-    for (int k = 0; k < 3; ++k) {
-      const auto next = face->neighbor(k);
-      int winding = *face->info();
-      if (face->is_constrained(k)) {
-        const auto a = face->vertex(Triangulation::ccw(k))->info();
-        const auto b = face->vertex(Triangulation::cw(k))->info();
-        const auto entry = outline.find(undirected(a, b));
-        if (entry == outline.end()) return false;  // an outline runs through another one's corner
-        // The face has a -> b on its boundary; leaving it crosses the edge from its left to its
-        // right.
-        winding -= (a < b ? 1 : -1) * entry->second;
-      }
-      if (next->info()) {
-        if (*next->info() != winding) return false;
-        continue;
-      }
-      next->info() = winding;
-      front.push_back(next);
-    }
-  }
-  for (const auto face : triangulation.finite_face_handles()) {
-    const int winding = face->info().value_or(0);
-    if (winding < 0 || winding > 1) return false;
-    if (winding == 1) {
-      split.caps.push_back(
-          {face->vertex(0)->info(), face->vertex(1)->info(), face->vertex(2)->info()});
-    }
-  }
-  return true;
+  return outline;
 }
 
-std::optional<Split> try_split(const CellComplex& complex, const Plane& plane,
-                               std::uint8_t region) {
-  Split split{complex, {}, {}, {}};
-  split_edges(split, plane, region);
-  tidy(split.complex);  // rounding may have brought vertices together
+// The vertices between the corners of a facet, by edge, in the order of its corners.
+using Between = std::array<std::vector<std::uint32_t>, 3>;
+
+void add_divided(std::vector<CellFacet>& facets, const CellFacet& facet, Between between) {
+  const auto& [a, b, c] = facet.corners;
+  if (a == b || b == c || c == a) return;
+  const auto longest = std::max_element(between.begin(), between.end(),
+                                        [](auto& x, auto& y) { return x.size() < y.size(); });
+  if (longest->empty()) {
+    facets.push_back(facet);
+    return;
+  }
+  const auto k = static_cast<std::size_t>(longest - between.begin());
+  const auto middle = longest->begin() + static_cast<std::ptrdiff_t>(longest->size() / 2);
+  const auto from = facet.corners[k], to = facet.corners[(k + 1) % 3],
+             apex = facet.corners[(k + 2) % 3];
+  CellFacet half = facet;
+  half.corners = {from, *middle, apex};
+  add_divided(facets, half, {std::vector(longest->begin(), middle), {}, between[(k + 2) % 3]});
+  half.corners = {*middle, to, apex};
+  add_divided(facets, half, {std::vector(middle + 1, longest->end()), between[(k + 1) % 3], {}});
+}
+
+// Every step maps edges to what replaces them in all facets alike, so regions stay closed.
+void apply(CellComplex& complex, const CapChanges& changes) {
+  complex.vertices.insert(complex.vertices.end(), changes.created.begin(), changes.created.end());
+  std::vector<CellFacet> facets;
+  facets.reserve(complex.facets.size());
+  for (CellFacet facet : complex.facets) {
+    Between between;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto a = facet.corners[k], b = facet.corners[(k + 1) % 3];
+      const auto found = changes.divided.find(undirected(a, b));
+      if (found == changes.divided.end()) continue;
+      between[k] = found->second;
+      if (a > b) std::reverse(between[k].begin(), between[k].end());
+    }
+    for (auto& corner : facet.corners) {
+      const auto found = changes.merged.find(corner);
+      if (found != changes.merged.end()) corner = found->second;
+    }
+    add_divided(facets, facet, std::move(between));
+  }
+  complex.facets = std::move(facets);
+  tidy(complex);
+}
+
+void measure(Split& split, const Plane& plane, double on_plane) {
   split.distance.clear();
   for (const Vec3& vertex : split.complex.vertices) {
     const double distance = plane.signed_distance(vertex);
-    split.distance.push_back(std::abs(distance) < kOnPlane ? 0 : distance);
+    split.distance.push_back(std::abs(distance) < on_plane ? 0 : distance);
   }
-  find_far(split, plane, region);
-  if (!make_caps(split, plane, region)) return std::nullopt;
-  return split;
+}
+
+// Splits and caps; nothing when the outlines do not come to rest.
+std::optional<Split> try_split(const CellComplex& complex, const Plane& plane,
+                               std::uint8_t region) {
+  double size = 0;
+  for (const Vec3& vertex : complex.vertices) {
+    size = std::max(size, vertex.lpNorm<Eigen::Infinity>());
+  }
+  const double on_plane = std::max(kOnPlane, size * kRounding);
+  Split split{complex, {}, {}, {}, 0};
+  measure(split, plane, on_plane);
+  split_edges(split, region);
+  tidy(split.complex);  // rounding may have brought vertices together
+  for (int pass = 0; pass < kPasses; ++pass) {
+    measure(split, plane, on_plane);
+    find_far(split, plane, region);
+    Caps caps = fill_outline(split.complex.vertices, outline_of(split, region), plane, on_plane);
+    if (caps.changes.empty()) {
+      split.caps = std::move(caps.triangles);
+      split.folded_mm2 = caps.folded_mm2;
+      return split;
+    }
+    apply(split.complex, caps.changes);
+  }
+  return std::nullopt;
 }
 
 // The far facets (numbers below far.size()) and caps (above) of each connected piece.
@@ -294,21 +289,31 @@ Result<Plane> cut_off(CellComplex& complex, const Plane& plane, std::uint8_t reg
                       std::uint8_t becomes, std::uint32_t mark,
                       const std::function<bool(const FarPiece&)>& take) {
   assert(region != becomes);
-  for (int attempt = 0; attempt < 6; ++attempt) {
+  std::optional<Split> best;
+  Plane used = plane;
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
     Plane moved = plane;
-    moved.offset -= attempt * 4e-5;
+    moved.offset -= attempt * kStep;
     auto split = try_split(complex, moved, region);
-    if (!split) continue;
-    take_pieces(*split, region, becomes, mark, take);
-    if (!is_closed(surface_of(split->complex, 1u << region)) ||
-        !is_closed(surface_of(split->complex, 1u << becomes))) {
-      continue;
-    }
-    complex = std::move(split->complex);
-    return moved;
+    if (!split || (best && best->folded_mm2 <= split->folded_mm2)) continue;
+    best = std::move(split);
+    used = moved;
+    if (best->folded_mm2 < kClean) break;
   }
-  return Error{Code::kBooleanFailed,
-               "A volume could not be cut by a clipping plane: its outline there crosses itself."};
+  if (!best) {
+    return Error{
+        Code::kBooleanFailed,
+        "A volume could not be cut by a clipping plane: its outline there does not come to "
+        "rest."};
+  }
+  take_pieces(*best, region, becomes, mark, take);
+  if (!is_closed(surface_of(best->complex, 1u << region)) ||
+      !is_closed(surface_of(best->complex, 1u << becomes))) {
+    return Error{Code::kBooleanFailed,
+                 "A volume could not be cut by a clipping plane: it is not closed."};
+  }
+  complex = std::move(best->complex);
+  return used;
 }
 
 Result<std::pair<TriangleMesh, TriangleMesh>> split_by(const TriangleMesh& solid,

@@ -1,12 +1,14 @@
 // Cutting solids by a plane, with the cut closed by caps.
 //
 // Units: mm. The far side is the side the plane's normal points to (plane.h).
-// Exactness: new vertices are rounded to float; a vertex nearer than 1e-5 mm to the plane counts as
-// on
-//   it. Both sides of a cut share cap and split facets, so volumes balance exactly.
-// Limits: when rounding makes cap outlines cross, the cut is tried again up to 2e-4 mm lower (and
-// the
-//   plane used is returned), then refused with kBooleanFailed.
+// Exactness: new vertices are rounded to float; a vertex nearer to the plane than 1e-5 mm (2.4e-7
+// of
+//   the largest coordinate, if that is more) counts as on it. Both sides of a cut share cap and
+//   split facets, so volumes balance exactly.
+// Robustness: where rounding lets cap outlines touch or cross, their corners are put on each other
+//   (plane_caps.h), in every facet alike, so regions stay closed. If caps still fold, up to five
+//   planes each 4e-5 mm lower are tried and the one that folds least is used (and returned).
+// Limits: a surface that really passes through itself is cut, but its caps lie on each other.
 #pragma once
 
 #include <functional>
