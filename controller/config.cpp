@@ -83,6 +83,11 @@ Result<DaemonConfig> parse_config(std::string_view text, const std::string& name
   out.state_directory = absolute_path(document, root, "state_directory");
   out.rig = absolute_path(document, root, "rig");
   if (root.text("clock") != "monotonic") out.clock = absolute_path(document, root, "clock");
+  if (root.contains("backend")) {
+    out.backend = root.one_of("backend", {"ports", "simulated"}) == "simulated"
+                      ? Backend::kSimulated
+                      : Backend::kPorts;
+  }
   StrictObject ports = root.object("ports");
   out.cnc = port(document, ports.object("cnc"));
   out.extruder = port(document, ports.object("extruder"));
@@ -98,6 +103,10 @@ Result<DaemonConfig> parse_config(std::string_view text, const std::string& name
   out.waiting_jobs_max = limits.integer("waiting_jobs", 1, 100000);
   limits.close();
   root.close();
+  if (out.clock && out.backend == Backend::kSimulated) {
+    document.fail(Code::kMalformed, "clock",
+                  "is a virtual rig's while the backend is simulated: that takes \"monotonic\"");
+  }
   if (out.clock && !out.virtual_ports()) {
     document.fail(Code::kMalformed, "clock",
                   "is a virtual rig's while a port is real: a real machine takes \"monotonic\"");

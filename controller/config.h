@@ -18,8 +18,13 @@
 namespace reforge {
 
 // A virtual port is a pseudo-terminal of the virtual rig: the only kind that runs without a
-// commissioned rig file, and the only kind that runs jobs certified in paper mode.
+// commissioned rig file (a simulated backend apart), and the only kind that runs jobs certified in
+// paper mode.
 enum class PortKind { kSerial, kVirtual };
+
+// What stands behind the links: the ports, or a CNC and an extruder board simulated in process
+// (io/simulated_rig.h), for trying out what is around the machine.
+enum class Backend { kPorts, kSimulated };
 
 struct PortConfig {
   std::filesystem::path path;
@@ -43,7 +48,8 @@ struct DaemonConfig {
   std::filesystem::path state_directory;
   std::filesystem::path rig;
   std::optional<std::filesystem::path> clock;  // socket of a virtual rig's clock; absent: monotonic
-  PortConfig cnc;
+  Backend backend = Backend::kPorts;
+  PortConfig cnc;  // with a simulated backend not opened
   PortConfig extruder;
   // By role. Root and the daemon's own user administer whatever is written here.
   RoleMembers observe, operate, administer;
@@ -52,7 +58,8 @@ struct DaemonConfig {
   int waiting_jobs_max = 0;
 
   bool virtual_ports() const {
-    return cnc.kind == PortKind::kVirtual && extruder.kind == PortKind::kVirtual;
+    return backend == Backend::kSimulated ||
+           (cnc.kind == PortKind::kVirtual && extruder.kind == PortKind::kVirtual);
   }
 };
 

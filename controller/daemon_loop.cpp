@@ -8,7 +8,9 @@
 #include <cstring>
 #include <random>
 
+#include "controller/io/rig_ports.h"
 #include "controller/io/service.h"
+#include "controller/io/simulated_rig.h"
 #include "controller/reports.h"
 #include "protocols/extruder_wire.h"
 
@@ -49,23 +51,7 @@ Daemon::Daemon(asio::io_context& io, const DaemonConfig& config, DaemonParts par
                }
              }),
       core_(rig_, std::move(parts.cnc), core_options(config)),
-      ports_(io, *clock_, virtual_clock_, {config.cnc.path.string(), rig_.cnc.baud},
-             {config.extruder.path.string(), static_cast<int>(wire::kBaud)},
-             {[this](Link link) {
-                core_.link_opened(clock_->now(), link);
-                after_core();
-              },
-              [this](Link link, const std::string& why) {
-                core_.link_lost(clock_->now(), link, why);
-                after_core();
-              },
-              [this](Link link, std::string_view bytes) {
-                core_.receive(clock_->now(), link, bytes);
-                after_core();
-              },
-              [this] {
-                if (virtual_clock_ != nullptr) virtual_clock_->wrote();
-              }}),
+      links_(make_links()),
       signals_(io, SIGTERM, SIGINT),
       progress_timer_(io),
       watchdog_timer_(io),
@@ -73,6 +59,31 @@ Daemon::Daemon(asio::io_context& io, const DaemonConfig& config, DaemonParts par
       began_(clock_->now()) {
   const bool interrupted = queue_.load(std::move(parts.jobs));
   if (interrupted || parts.rig_left_suspended) core_.recover_interrupted();
+}
+
+std::unique_ptr<RigLinks> Daemon::make_links() {
+  RigLinks::Handlers handlers{[this](Link link) {
+                                core_.link_opened(clock_->now(), link);
+                                after_core();
+                              },
+                              [this](Link link, const std::string& why) {
+                                core_.link_lost(clock_->now(), link, why);
+                                after_core();
+                              },
+                              [this](Link link, std::string_view bytes) {
+                                core_.receive(clock_->now(), link, bytes);
+                                after_core();
+                              },
+                              [this] {
+                                if (virtual_clock_ != nullptr) virtual_clock_->wrote();
+                              }};
+  if (config_.backend == Backend::kSimulated) {
+    return std::make_unique<SimulatedRig>(rig_, *clock_, std::move(handlers));
+  }
+  return std::make_unique<RigPorts>(
+      io_, *clock_, virtual_clock_, RigPorts::Port{config_.cnc.path.string(), rig_.cnc.baud},
+      RigPorts::Port{config_.extruder.path.string(), static_cast<int>(wire::kBaud)},
+      std::move(handlers));
 }
 
 Status Daemon::open_door() {
@@ -90,7 +101,7 @@ DaemonEnd Daemon::run() {
   signals_.async_wait([this](const error_code& failed, int signal) {
     if (!failed) begin_end(std::string("signal ") + strsignal(signal));
   });
-  ports_.begin();
+  links_->begin();
   queue_.begin_verifying();
   if (virtual_clock_ != nullptr) follow_virtual_clock();
   feed_watchdog();
@@ -100,21 +111,23 @@ DaemonEnd Daemon::run() {
                config_.socket.string());
   io_.run();
   door_.reset();
-  ports_.end();
+  links_->end();
   return end_;
 }
 
 void Daemon::follow_virtual_clock() {
-  virtual_clock_->run(
-      {[this](std::uint64_t cnc, std::uint64_t extruder) { return ports_.has_read(cnc, extruder); },
-       // While the journal is in trouble nothing would ever become durable.
-       [this] { return horizons_awaited_ > 0 && !journal_.in_trouble(); },
-       [this] { return ports_.counts(); }, [this] { return !has_job(core_.snapshot().state); },
-       [this](const std::string& sentence) {
-         spdlog::error("{}", sentence);
-         end_ = {EX_UNAVAILABLE, sentence};
-         io_.stop();
-       }});
+  virtual_clock_->run({[this](std::uint64_t cnc, std::uint64_t extruder) {
+                         return links_->has_read(cnc, extruder);
+                       },
+                       // While the journal is in trouble nothing would ever become durable.
+                       [this] { return horizons_awaited_ > 0 && !journal_.in_trouble(); },
+                       [this] { return links_->counts(); },
+                       [this] { return !has_job(core_.snapshot().state); },
+                       [this](const std::string& sentence) {
+                         spdlog::error("{}", sentence);
+                         end_ = {EX_UNAVAILABLE, sentence};
+                         io_.stop();
+                       }});
 }
 
 void Daemon::after_core() {

@@ -17,7 +17,7 @@
 #include "controller/io/clock.h"
 #include "controller/io/journal.h"
 #include "controller/io/operator_server.h"
-#include "controller/io/rig_ports.h"
+#include "controller/io/rig_links.h"
 #include "controller/io/virtual_clock.h"
 #include "controller/job_queue.h"
 
@@ -41,11 +41,13 @@ class Daemon {
   DaemonEnd run();
 
  private:
+  std::unique_ptr<RigLinks> make_links();
+
   // The core and what it wants.
   void after_core();
-  void perform(const Send& action) { ports_.perform(action); }
-  void perform(const DropUnsent& action) { ports_.perform(action); }
-  void perform(const Reopen& action) { ports_.perform(action); }
+  void perform(const Send& action) { links_->perform(action); }
+  void perform(const DropUnsent& action) { links_->perform(action); }
+  void perform(const Reopen& action) { links_->perform(action); }
   void perform(const RequestHorizon& action);
   void perform(const Acknowledged& action);
   void perform(const JobChanged& action);
@@ -55,6 +57,7 @@ class Daemon {
 
   // The operators.
   void obey(Call call);
+  void obey_later(const Call& call, api::Params& params);
   Answer obey_now(const Call& call, api::Params& params);
   Answer start(JobId job);
   Answer abort(JobId job, const Peer& peer);
@@ -79,7 +82,7 @@ class Daemon {
   Journal journal_;
   JobQueue queue_;
   Sequencer core_;
-  RigPorts ports_;
+  std::unique_ptr<RigLinks> links_;
   std::unique_ptr<OperatorServer> door_;
   boost::asio::signal_set signals_;
   boost::asio::steady_timer progress_timer_;

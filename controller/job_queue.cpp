@@ -99,7 +99,8 @@ void JobQueue::submit(const std::string& path, const std::string& who,
                      taken->job.mode == Mode::kPaper ? "paper" : "strict",
                      taken->job.lines,
                      taken->job.estimated_s,
-                     who};
+                     who,
+                     taken->job.prints};
     journal_.write(journal::AddJob{job.submitted}, [this, job, done](JobId id) mutable {
       job.id = id;
       job.submitted_at = job.changed_at = journal::now_utc();
@@ -128,10 +129,77 @@ Result<JobOrder> JobQueue::order(JobId id) const {
     return Error{Code::kRefused, "Job " + std::to_string(number(id)) + " is " +
                                      api::name_of(job.state) + ", not ready" + why};
   }
+  if (const std::string missing = checklists_.contains(id)
+                                      ? checklists_.at(id).missing()
+                                      : Checklist(job.submitted.prints).missing();
+      !missing.empty()) {
+    return Error{Code::kRefused, "Job " + std::to_string(number(id)) +
+                                     " is not set up: look at the rig and confirm " + missing +
+                                     "."};
+  }
   const auto program = ProgramFile::open(folder_of(job) / "program.nc", job.submitted.lines);
   if (!program) return program.error();
   return JobOrder{id, job.submitted.name,
                   job.submitted.mode == "paper" ? Mode::kPaper : Mode::kStrict, *program};
+}
+
+Checklist& JobQueue::checklist(JobId id) {
+  return checklists_.try_emplace(id, jobs_.at(id).submitted.prints).first->second;
+}
+
+void JobQueue::confirm(JobId id, const std::vector<std::string>& items, const std::string& who,
+                       std::function<void(Status)> done) {
+  if (Status known = exists(id); !known) return done(known);
+  if (const JobState state = jobs_.at(id).state; !waits(state)) {
+    return done(Error{Code::kRefused, "Job " + std::to_string(number(id)) + " is " +
+                                          api::name_of(state) + ": nothing is left to confirm."});
+  }
+  std::vector<std::size_t> places;
+  for (const std::string& item : items) {
+    const auto place = checklist(id).find(item);
+    if (!place) return done(place.error());
+    places.push_back(*place);
+  }
+  if (items.empty()) {
+    for (std::size_t i = 0; i < checklist(id).items().size(); ++i) places.push_back(i);
+  }
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    std::function<void(JobId)> durable;
+    if (i + 1 == places.size()) {
+      durable = [this, id, places, who, done](JobId) {
+        if (!waits(jobs_.at(id).state)) {
+          return done(Error{Code::kRefused, "The job no longer waits."});
+        }
+        for (const std::size_t place : places) checklist(id).confirm(place, who);
+        on_changed_(id);
+        done(Unit{});
+      };
+    }
+    journal_.write(journal::Confirm{id, checklist(id).items()[places[i]].item, who},
+                   std::move(durable));
+  }
+}
+
+void JobQueue::admit(JobId id, const std::string& why, const std::string& who,
+                     std::function<void(Status)> done) {
+  if (Status known = exists(id); !known) return done(known);
+  const journal::StoredJob& job = jobs_.at(id);
+  // A job that has run has a horizon.
+  if (job.state != JobState::kFailed || job.certainty.horizon > 0) {
+    return done(Error{Code::kRefused,
+                      "Only a job that failed its verification can be admitted; job " +
+                          std::to_string(number(id)) + " is " + api::name_of(job.state) + "."});
+  }
+  intake_.check(job.submitted.folder, [this, id, why, who, done](const Result<JobFolder>& copy) {
+    const journal::StoredJob& now = jobs_.at(id);
+    if (!copy) return done(copy.error());
+    if (now.state != JobState::kFailed || copy->program_sha256 != now.submitted.program_sha256 ||
+        copy->rig_sha256 != now.submitted.rig_sha256) {
+      return done(Error{Code::kRefused, "The job was changed; submit it again."});
+    }
+    enter(id, JobState::kReady, "Admitted by " + who + " (" + why + ") although: " + now.reason);
+    done(Unit{});
+  });
 }
 
 Status JobQueue::withdraw(JobId id, const std::string& who) {
@@ -217,6 +285,10 @@ void JobQueue::verified(JobId id, const Result<JobFolder>& copy) {
 }
 
 void JobQueue::changed(const JobChanged& change, double machine_s) {
+  // Whatever was confirmed was confirmed of a rig that no job had touched since.
+  if (change.state != JobState::kReady) {
+    for (auto& [id, list] : checklists_) list.forget();
+  }
   journal::StoredJob& job = jobs_.at(change.job);
   job.state = change.state;
   job.reason = change.sentence;
@@ -261,6 +333,11 @@ api::JobReport JobQueue::report(JobId id) const {
   out.estimated_s = job.submitted.estimated_s;
   if (is_over(job.state) && job.state != JobState::kDone) {
     out.uncertain = uncertain_lines(job.certainty, job.sent_known);
+  }
+  if (waits(job.state)) {
+    const auto list = checklists_.find(id);
+    out.checklist =
+        list != checklists_.end() ? list->second.items() : Checklist(job.submitted.prints).items();
   }
   return out;
 }

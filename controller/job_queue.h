@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "controller/checklist.h"
 #include "controller/config.h"
 #include "controller/core/action.h"
 #include "controller/core/job.h"
@@ -39,7 +40,15 @@ class JobQueue {
 
   Status exists(JobId job) const;
   api::JobState state(JobId job) const;
-  // A ready job as the core takes it.
+  // A person has looked at these items of a waiting job's checklist; none named: at all of them.
+  // `done` once the journal has it.
+  void confirm(JobId job, const std::vector<std::string>& items, const std::string& who,
+               std::function<void(Status)> done);
+  // The administrator's override: a job that our own verification did not pass becomes ready all
+  // the same, if its files are still those of the certificate it came with.
+  void admit(JobId job, const std::string& why, const std::string& who,
+             std::function<void(Status)> done);
+  // A ready job with all its checklist confirmed, as the core takes it.
   Result<JobOrder> order(JobId job) const;
   // A job that has not started leaves the queue.
   Status withdraw(JobId job, const std::string& who);
@@ -54,6 +63,7 @@ class JobQueue {
   std::optional<JobId> with_rig() const;
 
  private:
+  Checklist& checklist(JobId job);
   void enter(JobId job, api::JobState state, std::string reason);
   void verify_next();
   void verifier_ended(JobId job, const ChildOutcome& outcome);
@@ -67,6 +77,7 @@ class JobQueue {
   std::function<void(JobId)> on_changed_;
   Intake intake_;
   std::map<JobId, journal::StoredJob> jobs_;
+  std::map<JobId, Checklist> checklists_;  // of jobs that wait, once looked at
   int being_taken_in_ = 0;
   std::unique_ptr<ChildProcess> verifier_;
   std::optional<JobId> verifying_;  // whose child runs

@@ -5,10 +5,12 @@
 #include <sysexits.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <cstdlib>
 
 #include "controller/config.h"
 #include "controller/daemon.h"
+#include "controller/dry_run.h"
 
 namespace {
 
@@ -24,6 +26,22 @@ void choose_log() {
   spdlog::flush_on(spdlog::level::info);
 }
 
+int print_dry_run(const std::string& folder) {
+  const auto run = reforge::dry_run(folder);
+  if (!run) {
+    std::fprintf(stderr, "reforged: %s\n", run.error().sentence.c_str());
+    return EX_DATAERR;
+  }
+  std::printf(
+      "%s: %s\n%lld lines executed, %lld toggles, %lld bytes, at most %d unacknowledged, "
+      "%.1f s simulated\ndigest %s\n",
+      reforge::api::name_of(run->state), run->sentence.c_str(),
+      static_cast<long long>(run->certainty.executed), static_cast<long long>(run->relayed),
+      static_cast<long long>(run->bytes), run->unacknowledged_peak, run->machine_s,
+      run->digest.c_str());
+  return run->state == reforge::JobState::kDone ? EX_OK : EX_DATAERR;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -31,6 +49,8 @@ int main(int argc, char** argv) {
   std::string file = "/etc/reforge/reforged.json";
   bool check = false;
   app.add_option("--config", file, "The configuration")->capture_default_str();
+  std::string job;
+  app.add_option("--dry-run", job, "Run a job folder against a rig simulated in process, and end");
   app.add_flag("--check", check, "Only read configuration and rig file");
   app.set_version_flag("--version", "reforged " REFORGE_VERSION);
   try {
@@ -38,6 +58,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? EX_OK : EX_USAGE;
   }
+  if (!job.empty()) return print_dry_run(job);
   choose_log();
   const auto config = reforge::read_config(file);
   if (!config) {

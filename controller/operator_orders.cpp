@@ -24,12 +24,43 @@ void Daemon::obey(Call call) {
     }
     return;
   }
+  if (call.method == api::Method::kConfirm || call.method == api::Method::kAdmit) {
+    return obey_later(call, params);
+  }
   const Answer answer = obey_now(call, params);
   if (api::role_needed(call.method) > api::Role::kObserve) {
     const auto* failure = std::get_if<api::Failure>(&answer);
     record(journal_, call, failure == nullptr ? "ok" : failure->sentence);
   }
   call.answer(answer);
+}
+
+// Answered when the journal has it, or the files have been read again.
+void Daemon::obey_later(const Call& call, api::Params& params) {
+  const JobId job{params.number("job", 1, INT64_MAX)};
+  std::vector<std::string> items;
+  std::string why;
+  if (call.method == api::Method::kConfirm) {
+    items = params.texts("items", 16);
+  } else {
+    why = params.text("reason", 500);
+  }
+  const auto done = [this, call, job](const Status& outcome) {
+    record(journal_, call, outcome ? "ok" : outcome.error().sentence);
+    if (!outcome) return call.answer(answer_of(outcome.error()));
+    call.answer(Answer(json(to_json(queue_.report(job)))));
+  };
+  if (!params.fault().empty()) {
+    call.answer(api::Failure{api::kInvalidParams, params.fault()});
+  } else if (!journal_trouble_.empty()) {
+    call.answer(answer_of({Code::kJournal, journal_trouble_}));
+  } else if (call.method == api::Method::kConfirm) {
+    queue_.confirm(job, items, call.peer.who, done);
+  } else if (why.empty()) {
+    call.answer(api::Failure{api::kInvalidParams, "Say why the job is admitted."});
+  } else {
+    queue_.admit(job, why, call.peer.who, done);
+  }
 }
 
 Answer Daemon::obey_now(const Call& call, api::Params& params) {
@@ -82,6 +113,8 @@ Answer Daemon::obey_now(const Call& call, api::Params& params) {
     case Method::kHello:
     case Method::kSubscribe:
     case Method::kSubmit:
+    case Method::kConfirm:
+    case Method::kAdmit:
       break;
   }
   assert(!"answered elsewhere");
@@ -155,10 +188,10 @@ Answer Daemon::jobs(const std::optional<std::string>& state) const {
 api::RigReport Daemon::rig_report() const {
   api::RigReport report = report_of(core_.snapshot());
   report.name = rig_.name;
-  report.cnc.path = ports_.path(Link::kCnc);
-  report.extruder.path = ports_.path(Link::kExtruder);
-  if (!report.cnc.up) report.cnc.detail = ports_.trouble(Link::kCnc);
-  if (!report.extruder.up) report.extruder.detail = ports_.trouble(Link::kExtruder);
+  report.cnc.path = links_->path(Link::kCnc);
+  report.extruder.path = links_->path(Link::kExtruder);
+  if (!report.cnc.up) report.cnc.detail = links_->trouble(Link::kCnc);
+  if (!report.extruder.up) report.extruder.detail = links_->trouble(Link::kExtruder);
   if (!journal_trouble_.empty()) report.reason = journal_trouble_;
   report.clock_s = std::chrono::duration<double>(clock_->now() - began_).count();
   return report;

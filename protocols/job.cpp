@@ -58,18 +58,40 @@ Result<json> read_json(const fs::path& file) {
   return value;
 }
 
-Result<std::int64_t> count_lines(const fs::path& file) {
+// Counts the lines, and looks for an M70, which stands at the beginning of its line.
+Status survey_program(const fs::path& file, JobFolder& job) {
   std::ifstream in(file, std::ios::binary);
   std::array<char, 65536> buffer;
   std::int64_t lines = 0;
   char last = '\n';
+  std::size_t in_line = 0;  // bytes of the line read so far, blanks apart
+  std::array<char, 3> begins{};
   while (in.read(buffer.data(), buffer.size()) || in.gcount() > 0) {
     const char* end = buffer.data() + in.gcount();
-    lines += std::count(static_cast<const char*>(buffer.data()), end, '\n');
+    for (const char* at = buffer.data(); at != end;) {
+      if (in_line < begins.size()) {
+        if (*at == '\n') {
+          ++lines;
+          in_line = 0;
+        } else if (*at != ' ' && *at != '\t') {
+          begins[in_line++] = *at;
+          const std::string_view word(begins.data(), begins.size());
+          job.prints = job.prints || (in_line == word.size() && (word == "M70" || word == "m70"));
+        }
+        ++at;
+        continue;
+      }
+      at = std::find(at, end, '\n');
+      if (at == end) break;
+      ++at;
+      ++lines;
+      in_line = 0;
+    }
     last = end[-1];
   }
   if (in.bad()) return Error{Code::kUnreadable, file.string() + ": cannot be read to its end."};
-  return lines + (last == '\n' ? 0 : 1);
+  job.lines = lines + (last == '\n' ? 0 : 1);
+  return Unit{};
 }
 
 // The reasons of an infeasible plan, as one sentence.
@@ -126,9 +148,9 @@ Result<JobFolder> read_job(const fs::path& folder) {
     return Error{Code::kNoFeasiblePlan, folder.string() + ": " + reasons_of(*infeasible)};
   }
   if (Status taken = take_certificate(folder, job); !taken) return taken.error();
-  const auto lines = count_lines(folder / "program.nc");
-  if (!lines) return lines.error();
-  job.lines = *lines;
+  if (Status surveyed = survey_program(folder / "program.nc", job); !surveyed) {
+    return surveyed.error();
+  }
   return job;
 }
 

@@ -20,6 +20,7 @@ struct JobFolder {
   std::string program_sha256;
   std::string rig_sha256;
   std::int64_t lines = 0;  // of program.nc
+  bool prints = false;     // it has an M70: the extruder module is opened
   double estimated_s = 0;  // by the certificate
 };
 

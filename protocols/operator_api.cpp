@@ -16,6 +16,8 @@ struct MethodRow {
 constexpr std::array<MethodRow, kMethodCount> kMethods = {{
     {Method::kHello, "hello", Role::kObserve},
     {Method::kSubmit, "submit", Role::kOperate},
+    {Method::kConfirm, "confirm", Role::kOperate},
+    {Method::kAdmit, "admit", Role::kAdminister},
     {Method::kStart, "start", Role::kOperate},
     {Method::kHold, "hold", Role::kOperate},
     {Method::kResume, "resume", Role::kOperate},
@@ -185,6 +187,20 @@ std::int64_t Params::number(const char* key, std::int64_t min, std::int64_t max)
   return optional_number(key, min, max).value_or(min);
 }
 
+std::vector<std::string> Params::texts(const char* key, std::size_t count_max) {
+  std::vector<std::string> out;
+  const json* value = find(key, false);
+  if (value == nullptr) return out;
+  const bool fits = value->is_array() && value->size() <= count_max &&
+                    std::all_of(value->begin(), value->end(), [](const json& item) {
+                      return item.is_string() && item.get_ref<const std::string&>().size() <= 4096;
+                    });
+  if (fits) return value->get<std::vector<std::string>>();
+  complain(std::string("The parameter \"") + key + "\" must be a list of at most " +
+           std::to_string(count_max) + " strings.");
+  return out;
+}
+
 bool Params::flag(const char* key) {
   const json* value = find(key, false);
   if (value == nullptr) return false;
@@ -235,8 +251,14 @@ json to_json(const JobReport& r) {
               {"toggles", r.toggles},
               {"machine_s", r.machine_s},
               {"estimated_s", r.estimated_s},
-              {"uncertain", nullptr}};
+              {"uncertain", nullptr},
+              {"checklist", json::array()}};
   if (r.uncertain) out["uncertain"] = {{"first", r.uncertain->first}, {"last", r.uncertain->last}};
+  for (const ChecklistItem& item : r.checklist) {
+    out["checklist"].push_back({{"item", item.item},
+                                {"question", item.question},
+                                {"by", item.by.empty() ? json(nullptr) : json(item.by)}});
+  }
   return out;
 }
 
@@ -285,6 +307,12 @@ Result<JobReport> job_report(const json& in) {
     if (const json& range = in.at("uncertain"); !range.is_null()) {
       r.uncertain =
           LineRange{range.at("first").get<std::int64_t>(), range.at("last").get<std::int64_t>()};
+    }
+    for (const json& item : in.at("checklist")) {
+      const json& by = item.at("by");
+      r.checklist.push_back({item.at("item").get<std::string>(),
+                             item.at("question").get<std::string>(),
+                             by.is_null() ? "" : by.get<std::string>()});
     }
     return r;
   } catch (const json::exception& e) {

@@ -28,6 +28,8 @@ enum class Role { kObserve, kOperate, kAdminister };
 enum class Method {
   kHello,
   kSubmit,
+  kConfirm,
+  kAdmit,
   kStart,
   kHold,
   kResume,
@@ -39,7 +41,7 @@ enum class Method {
   kSubscribe,
   kShutdown,
 };
-constexpr int kMethodCount = 12;
+constexpr int kMethodCount = 14;
 
 // queued -> verifying -> ready -> running <-> held -> done | failed | aborted; a daemon that finds
 // a running or held job in its journal at start makes it interrupted.
@@ -105,6 +107,8 @@ class Params {
   std::int64_t number(const char* key, std::int64_t min, std::int64_t max);
   std::optional<std::int64_t> optional_number(const char* key, std::int64_t min, std::int64_t max);
   std::optional<std::string> optional_text(const char* key, std::size_t bytes_max = 4096);
+  // Absent: none.
+  std::vector<std::string> texts(const char* key, std::size_t count_max);
   bool flag(const char* key);  // absent: false
   // After all keys were asked for: empty, or the sentence of the first fault.
   const std::string& fault();
@@ -128,6 +132,13 @@ struct LineRange {
   std::int64_t last;
 };
 
+// One thing a person looks at before a job starts.
+struct ChecklistItem {
+  std::string item;      // "stock"
+  std::string question;  // what is confirmed by it
+  std::string by;        // who has; empty: nobody yet
+};
+
 struct JobReport {
   std::int64_t job = 0;
   std::string name;
@@ -147,6 +158,7 @@ struct JobReport {
   double estimated_s = 0;         // by the verifier's motion model
   // Lines that may or may not have been sent, once the job has ended before its last line.
   std::optional<LineRange> uncertain;
+  std::vector<ChecklistItem> checklist;  // of a job that waits; empty otherwise
 };
 
 struct LinkReport {

@@ -20,8 +20,8 @@ class io_context;
 namespace reforge {
 
 // Each waits for at most one moment at a time.
-enum class Timer { kCore, kReopenCnc, kReopenExtruder };
-constexpr int kTimerCount = 3;
+enum class Timer { kCore, kReopenCnc, kReopenExtruder, kSimulatedRig };
+constexpr int kTimerCount = 4;
 
 class Clock {
  public:

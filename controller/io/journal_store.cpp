@@ -12,7 +12,7 @@ namespace reforge::journal {
 namespace {
 
 constexpr int kApplicationId = 0x52464A31;  // "RFJ1"
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 // For another reader of the file; a checkpoint of ours is never that long.
 constexpr int kBusyTimeoutMs = 2000;
 
@@ -21,7 +21,7 @@ CREATE TABLE jobs (
   id INTEGER PRIMARY KEY AUTOINCREMENT,
   name TEXT NOT NULL, folder TEXT NOT NULL UNIQUE,
   program_sha256 TEXT NOT NULL, rig_sha256 TEXT NOT NULL, mode TEXT NOT NULL,
-  lines INTEGER NOT NULL, estimated_s REAL NOT NULL,
+  lines INTEGER NOT NULL, prints INTEGER NOT NULL, estimated_s REAL NOT NULL,
   submitted_by TEXT NOT NULL, submitted_at TEXT NOT NULL,
   state TEXT NOT NULL, reason TEXT NOT NULL, changed_at TEXT NOT NULL,
   executed INTEGER NOT NULL DEFAULT 0, acknowledged INTEGER NOT NULL DEFAULT 0,
@@ -41,6 +41,9 @@ CREATE TABLE horizons (
 ) STRICT;
 CREATE TABLE rig_changes (
   from_state TEXT NOT NULL, to_state TEXT NOT NULL, reason TEXT NOT NULL, at TEXT NOT NULL
+) STRICT;
+CREATE TABLE confirmations (
+  job INTEGER NOT NULL REFERENCES jobs(id), item TEXT NOT NULL, who TEXT NOT NULL, at TEXT NOT NULL
 ) STRICT;
 CREATE TABLE acts (
   who TEXT NOT NULL, method TEXT NOT NULL, params TEXT NOT NULL, outcome TEXT NOT NULL,
@@ -127,14 +130,15 @@ struct Store::Impl {
     const bool ok =
         Statement(db(),
                   "INSERT INTO jobs (name, folder, program_sha256, rig_sha256, mode, lines, "
-                  "estimated_s, submitted_by, submitted_at, state, reason, changed_at) "
-                  "VALUES (?,?,?,?,?,?,?,?,?,?,?,?)")
+                  "prints, estimated_s, submitted_by, submitted_at, state, reason, changed_at) "
+                  "VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)")
             .bind(job.name)
             .bind(job.folder)
             .bind(job.program_sha256)
             .bind(job.rig_sha256)
             .bind(job.mode)
             .bind(job.lines)
+            .bind(std::int64_t{job.prints})
             .bind(job.estimated_s)
             .bind(job.submitted_by)
             .bind(at)
@@ -222,6 +226,15 @@ struct Store::Impl {
         .done();
   }
 
+  bool write(const Confirm& fact, const std::string& at, JobId&) {
+    return Statement(db(), "INSERT INTO confirmations VALUES (?,?,?,?)")
+        .bind(fact.job)
+        .bind(fact.item)
+        .bind(fact.who)
+        .bind(at)
+        .done();
+  }
+
   bool write(const Act& fact, const std::string& at, JobId&) {
     return Statement(db(), "INSERT INTO acts VALUES (?,?,?,?,?)")
         .bind(fact.who)
@@ -276,13 +289,14 @@ Result<std::vector<StoredJob>> Store::jobs() {
   Statement statement(impl_->db(),
                       "SELECT id, name, folder, program_sha256, rig_sha256, mode, lines, "
                       "estimated_s, submitted_by, submitted_at, state, reason, changed_at, "
-                      "executed, acknowledged, sent, horizon, toggles, machine_s "
+                      "executed, acknowledged, sent, horizon, toggles, machine_s, prints "
                       "FROM jobs ORDER BY id");
   while (statement.row()) {
     StoredJob job;
     job.id = JobId{statement.number(0)};
-    job.submitted = {statement.text(1), statement.text(2),   statement.text(3), statement.text(4),
-                     statement.text(5), statement.number(6), statement.real(7), statement.text(8)};
+    job.submitted = {statement.text(1), statement.text(2), statement.text(3),
+                     statement.text(4), statement.text(5), statement.number(6),
+                     statement.real(7), statement.text(8), false};
     job.submitted_at = statement.text(9);
     const auto state = api::job_state_named(statement.text(10));
     if (!state) return Error{Code::kJournal, "The journal names a job state that does not exist."};
@@ -296,6 +310,7 @@ Result<std::vector<StoredJob>> Store::jobs() {
     job.certainty.sent = job.sent_known ? statement.number(15) : job.certainty.horizon;
     job.toggles = statement.number(17);
     job.machine_s = statement.real(18);
+    job.submitted.prints = statement.number(19) != 0;
     out.push_back(std::move(job));
   }
   if (sqlite3_errcode(impl_->db()) != SQLITE_DONE && sqlite3_errcode(impl_->db()) != SQLITE_OK) {

@@ -28,6 +28,7 @@ struct NewJob {
   std::int64_t lines = 0;
   double estimated_s = 0;
   std::string submitted_by;
+  bool prints = false;
 };
 
 // A job as the journal knows it.
@@ -69,11 +70,16 @@ struct RaiseHorizon {
 struct ChangeRig {
   std::string from, to, reason;
 };
+// A person has confirmed an item of a job's setup checklist.
+struct Confirm {
+  JobId job;
+  std::string item, who;
+};
 // Who asked for what, with what outcome ("ok", or the refusal's sentence).
 struct Act {
   std::string who, method, params, outcome;
 };
-using Record = std::variant<AddJob, ChangeJob, Acknowledge, RaiseHorizon, ChangeRig, Act>;
+using Record = std::variant<AddJob, ChangeJob, Acknowledge, RaiseHorizon, ChangeRig, Confirm, Act>;
 
 class Store {
  public:

@@ -1,5 +1,6 @@
-// The rig's two links: opens them, opens them again after a loss, and carries out what the core
-// wants sent. With a virtual rig it also keeps the byte counts that the clock link needs.
+// The rig's two links on their ports: opens them, opens them again after a loss, and carries out
+// what the core wants sent. With a virtual rig it also keeps the byte counts that the clock link
+// needs.
 //
 // A port is only ever opened from a timer of the machine's clock, which with a virtual rig means
 // between a tick and its answer (FORMATS.md, "Clock link"). A port that is missing is tried again
@@ -14,19 +15,14 @@
 #include "controller/config.h"
 #include "controller/core/action.h"
 #include "controller/io/clock.h"
+#include "controller/io/rig_links.h"
 #include "controller/io/serial_port.h"
 #include "controller/io/virtual_clock.h"
 
 namespace reforge {
 
-class RigPorts {
+class RigPorts final : public RigLinks {
  public:
-  struct Handlers {
-    std::function<void(Link)> on_open;
-    std::function<void(Link, std::string why)> on_lost;
-    std::function<void(Link, std::string_view bytes)> on_bytes;
-    std::function<void()> on_written;  // bytes that had to wait are gone
-  };
   struct Port {
     std::string path;
     int baud;
@@ -36,17 +32,15 @@ class RigPorts {
   RigPorts(boost::asio::io_context& io, Clock& clock, VirtualClock* virtual_clock, Port cnc,
            Port extruder, Handlers handlers);
 
-  void begin();  // from now on both ports are wanted open
-  void end();    // closes them for good
-  void perform(const Send& action);
-  void perform(const DropUnsent& action);
-  void perform(const Reopen& action);
-
-  // Why the link is down; empty while it is up.
-  const std::string& trouble(Link link) const { return slot(link).trouble; }
-  const std::string& path(Link link) const { return slot(link).port.path; }
-  LinkCounts counts() const;
-  bool has_read(std::uint64_t cnc, std::uint64_t extruder) const;
+  void begin() override;
+  void end() override;
+  void perform(const Send& action) override;
+  void perform(const DropUnsent& action) override;
+  void perform(const Reopen& action) override;
+  const std::string& trouble(Link link) const override { return slot(link).trouble; }
+  const std::string& path(Link link) const override { return slot(link).port.path; }
+  LinkCounts counts() const override;
+  bool has_read(std::uint64_t cnc, std::uint64_t extruder) const override;
 
  private:
   struct Slot {

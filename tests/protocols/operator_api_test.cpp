@@ -73,6 +73,7 @@ TEST(OperatorApi, JobReportSurvivesTheWire) {
   sent.horizon = 60;
   sent.machine_s = 12.25;
   sent.uncertain = LineRange{21, 60};
+  sent.checklist = {{"stock", "Is it clamped?", "anna"}, {"zero", "Is it set?", ""}};
   const auto read = job_report(json::parse(to_json(sent).dump()));
   ASSERT_TRUE(read.ok()) << read.error().sentence;
   EXPECT_EQ(to_json(*read), to_json(sent));

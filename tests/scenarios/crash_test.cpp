@@ -93,7 +93,7 @@ class Crash : public ::testing::Test {
     job_ = shop_.ready_job("bead", long_bead());
     next_ = shop_.ready_job("next", "G21\nG90\nG1 X1 F500\nM30\n");
     ASSERT_TRUE(shop_.wait_until([&] { return shop_.rig_state() == "idle"; }));
-    shop_.call(Method::kStart, {{"job", job_}});
+    shop_.start(job_);
     ASSERT_TRUE(shop_.wait_until([&] { return shop_.job(job_).acknowledged > 80; }))
         << shop_.daemon_log();
   }

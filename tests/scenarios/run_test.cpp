@@ -68,7 +68,7 @@ TEST(Run, MillingAndPrintingComeToTheirEndLineByLine) {
   const std::string program = printing(30);
   const auto job = shop.ready_job("tiny", program);
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; })) << shop.daemon_log();
-  shop.call(Method::kStart, {{"job", job}});
+  shop.start(job);
   ASSERT_TRUE(shop.wait_until([&] { return is_over(shop.job(job).state); }));
   const auto report = shop.job(job);
   ASSERT_EQ(report.state, JobState::kDone) << report.reason << shop.daemon_log();
@@ -93,7 +93,7 @@ TEST(Run, HoldStopsTheMotionAndResumeGoesOn) {
   const auto job = shop.ready_job("tiny", program);
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; }));
   EXPECT_FALSE(shop.try_call(Method::kResume).ok());
-  shop.call(Method::kStart, {{"job", job}});
+  shop.start(job);
   ASSERT_TRUE(shop.wait_until([&] { return shop.job(job).acknowledged > 40; }));
   shop.call(Method::kHold);
   ASSERT_TRUE(shop.wait_for_state(job, JobState::kHeld)) << shop.daemon_log();
@@ -111,14 +111,14 @@ TEST(Run, AbortEndsTheJobAndTheNextOneRuns) {
   const auto first = shop.ready_job("first", milling(2000));
   const auto second = shop.ready_job("second", milling(5));
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; }));
-  shop.call(Method::kStart, {{"job", first}});
+  shop.start(first);
   EXPECT_FALSE(shop.try_call(Method::kStart, {{"job", second}}).ok());
   ASSERT_TRUE(shop.wait_until([&] { return shop.job(first).acknowledged > 40; }));
   shop.call(Method::kAbort, {{"job", first}});
   ASSERT_TRUE(shop.wait_for_state(first, JobState::kAborted)) << shop.daemon_log();
   EXPECT_LT(shop.job(first).acknowledged, shop.job(first).lines);
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; })) << shop.daemon_log();
-  shop.call(Method::kStart, {{"job", second}});
+  shop.start(second);
   ASSERT_TRUE(shop.wait_until([&] { return is_over(shop.job(second).state); }));
   EXPECT_EQ(shop.job(second).state, JobState::kDone) << shop.job(second).reason;
 }
@@ -129,7 +129,7 @@ TEST(Run, EndOfTheDaemonHoldsTheMachine) {
   shop.start_daemon();
   const auto job = shop.ready_job("tiny", milling(2000));
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; }));
-  shop.call(Method::kStart, {{"job", job}});
+  shop.start(job);
   ASSERT_TRUE(shop.wait_until([&] { return shop.job(job).acknowledged > 40; }));
   shop.daemon().send_signal(SIGTERM);
   EXPECT_EQ(shop.daemon().end_within(60), 0);
@@ -174,7 +174,7 @@ TEST(Submission, WhatHappensToTheFolderAfterwardsChangesNothing) {
   const auto job = shop.ready_job("tiny", program);
   write_file(shop.folder() / "tiny/program.nc", "G0 Z-100\n");
   ASSERT_TRUE(shop.wait_until([&] { return shop.rig_state() == "idle"; }));
-  shop.call(Method::kStart, {{"job", job}});
+  shop.start(job);
   ASSERT_TRUE(shop.wait_until([&] { return is_over(shop.job(job).state); }));
   EXPECT_EQ(executed_words(shop.trace()), words_for_the_cnc(program));
 

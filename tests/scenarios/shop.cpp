@@ -1,6 +1,7 @@
 #include "tests/scenarios/shop.h"
 
 #include <signal.h>
+#include <sqlite3.h>
 
 #include <chrono>
 #include <sstream>
@@ -29,11 +30,11 @@ Shop::Shop() {
             {"limits", {{"clients", 16}, {"waiting_jobs", 16}}}};
 }
 
-void Shop::start_rig() {
+void Shop::start_rig(const std::string& speed) {
   const std::string here = scratch_.path.string();
   rig_ = std::make_unique<Process>(
       std::vector<std::string>{REFORGE_RIG, "--rig", shipped_rig_file().string(), "--dir",
-                               here + "/rig", "--speed", "max", "--clock", here + "/clock.sock",
+                               here + "/rig", "--speed", speed, "--clock", here + "/clock.sock",
                                "--trace", here + "/trace.jsonl", "--firmware",
                                REFORGE_FIRMWARE_ELF},
       std::vector<std::string>{}, scratch_.path / "rig.log");
@@ -96,6 +97,11 @@ std::int64_t Shop::ready_job(const std::string& name, const std::string& program
   return number;
 }
 
+void Shop::start(std::int64_t job) {
+  call(api::Method::kConfirm, {{"job", job}});
+  call(api::Method::kStart, {{"job", job}});
+}
+
 api::JobReport Shop::job(std::int64_t number) {
   auto report = api::job_report(call(api::Method::kStatus, {{"job", number}}).at("job"));
   if (!report) throw std::runtime_error(report.error().sentence);
@@ -121,6 +127,21 @@ bool Shop::wait_for_state(std::int64_t number, api::JobState state) {
            return now == state || (is_over(now) && !is_over(state));
          }) &&
          job(number).state == state;
+}
+
+std::int64_t Shop::rows(const std::string& what) const {
+  sqlite3* database = nullptr;
+  sqlite3_stmt* statement = nullptr;
+  std::int64_t count = -1;
+  const std::string sql = "SELECT count(*) FROM " + what;
+  if (sqlite3_open((scratch_.path / "state/journal.sqlite").c_str(), &database) == SQLITE_OK &&
+      sqlite3_prepare_v2(database, sql.c_str(), -1, &statement, nullptr) == SQLITE_OK &&
+      sqlite3_step(statement) == SQLITE_ROW) {
+    count = sqlite3_column_int64(statement, 0);
+  }
+  sqlite3_finalize(statement);
+  sqlite3_close(database);
+  return count;
 }
 
 std::vector<json> Shop::trace() const {

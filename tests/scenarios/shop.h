@@ -25,7 +25,7 @@ class Shop {
 
   nlohmann::json config;  // of the daemon; change it before starting one
 
-  void start_rig();
+  void start_rig(const std::string& speed = "max");
   void start_daemon();
   Process& daemon() { return *daemon_; }
   Process& rig() { return *rig_; }
@@ -39,12 +39,16 @@ class Shop {
                                   const nlohmann::json& params = nlohmann::json::object());
   // Submits a job with this program and waits until it is ready.
   std::int64_t ready_job(const std::string& name, const std::string& program_body);
+  void start(std::int64_t job);  // confirms its checklist and starts it
   api::JobReport job(std::int64_t number);
   std::string rig_state();
 
   // False after a minute.
   bool wait_until(const std::function<bool()>& holds);
   bool wait_for_state(std::int64_t job, api::JobState state);
+
+  // Records of the journal: `what` is a table, with a condition if need be.
+  std::int64_t rows(const std::string& what) const;
 
   // What the rig has written so far.
   std::vector<nlohmann::json> trace() const;

@@ -20,6 +20,9 @@ struct Chosen {
   std::int64_t job = 0;
   std::string path;
   std::string state;
+  std::string reason;
+  std::vector<std::string> items;
+  bool all = false;
   bool wait = false;
   bool word = false;  // --bead-inspected, --module-may-retreat
 };
@@ -52,6 +55,13 @@ void print_rig(const json& rig) {
     std::printf("nozzle    %.1f C\n", temperature.get<double>());
   } else {
     std::printf("nozzle    temperature unknown\n");
+  }
+}
+
+void print_checklist(const api::JobReport& job) {
+  for (const api::ChecklistItem& item : job.checklist) {
+    std::printf("          [%s] %-9s %s\n", item.by.empty() ? " " : "x", item.item.c_str(),
+                item.question.c_str());
   }
 }
 
@@ -143,6 +153,34 @@ Status jobs(DaemonLink& link, const Chosen& chosen) {
   return show(link.call(api::Method::kJobs, params), chosen.as_json, print_jobs);
 }
 
+Status confirm(DaemonLink& link, const Chosen& chosen) {
+  if (chosen.items.empty() && !chosen.all) {
+    const auto status = link.call(api::Method::kStatus, {{"job", chosen.job}});
+    return show(status, chosen.as_json, [](const json& answer) -> Status {
+      const auto report = api::job_report(answer.at("job"));
+      if (!report) return report.error();
+      print_job(*report);
+      print_checklist(*report);
+      return Unit{};
+    });
+  }
+  json params = {{"job", chosen.job}};
+  if (!chosen.all) params["items"] = chosen.items;
+  return show(link.call(api::Method::kConfirm, params), chosen.as_json,
+              [](const json& answer) -> Status {
+                const auto report = api::job_report(answer);
+                if (!report) return report.error();
+                print_job(*report);
+                print_checklist(*report);
+                return Unit{};
+              });
+}
+
+Status admit(DaemonLink& link, const Chosen& chosen) {
+  return show(link.call(api::Method::kAdmit, {{"job", chosen.job}, {"reason", chosen.reason}}),
+              chosen.as_json, print_job_state);
+}
+
 Status rig_order(DaemonLink& link, const Chosen& chosen, api::Method method, const char* word) {
   json params = json::object();
   if (word != nullptr && chosen.word) params[word] = true;
@@ -175,6 +213,15 @@ void add_daemon_commands(CLI::App& app, Outcome& outcome) {
 
   command("submit", "Give a job folder to the daemon", submit)
       ->add_option("FOLDER", chosen->path, "The job")
+      ->required();
+  CLI::App* confirmed = with_job(
+      command("confirm", "Confirm items of a job's setup checklist; without any, show it", confirm),
+      true);
+  confirmed->add_option("ITEM", chosen->items, "What was looked at and is right");
+  confirmed->add_flag("--all", chosen->all, "Every item was looked at and is right");
+  with_job(command("admit", "Override: let a job run that our verification did not pass", admit),
+           true)
+      ->add_option("--reason", chosen->reason, "Why; it is journalled")
       ->required();
   with_job(command("start", "Start a verified job", start), true)
       ->add_flag("--wait", chosen->wait, "First wait until it has been verified");

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "controller/core/sequencer.h"
-#include "tests/controller/support/simulated_extruder.h"
+#include "controller/io/simulated_extruder.h"
 #include "tools/rig/grbl_controller.h"
 
 namespace reforge {

@@ -1,8 +1,9 @@
-// A small extruder board for the core's tests: speaks protocols/extruder_wire.h, keeps its rules
-// (sequence, acknowledge and done, dead-men), and does as told when told to misbehave. The real
-// firmware is judged elsewhere; here its word is enough.
+// A small extruder board in process, for `"backend": "simulated"`, dry runs and the core's tests:
+// speaks protocols/extruder_wire.h, keeps its rules (sequence, acknowledge and done, dead-men), and
+// does as told when told to misbehave. The real firmware runs in the virtual rig; here its word is
+// enough.
 //
-// Times in virtual nanoseconds. Each M-code takes a fixed time.
+// Times are the caller's. Each M-code takes a fixed time; the temperature does not move.
 #pragma once
 
 #include <cstdint>
