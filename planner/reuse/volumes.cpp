@@ -4,13 +4,12 @@
 #include <array>
 #include <cmath>
 
-#include "planner/geometry/cgal_mesh.h"
 #include "planner/geometry/mesh_topology.h"
+#include "planner/reuse/tolerant_overlay.h"
 
 namespace reforge {
 namespace {
 
-constexpr double kThin = 1e-3;         // mm
 constexpr double kSkin = 2e-3;         // mm
 constexpr double kOnBase = 1e-3;       // mm above z = 0
 constexpr double kSmallestFoot = 0.1;  // mm^2
@@ -58,16 +57,13 @@ Region main_neighbour(const CellComplex& complex, const Shell& shell, Region sel
   return static_cast<Region>(std::max_element(shared.begin(), shared.end()) - shared.begin());
 }
 
-double drop_slivers(CellComplex& complex, Region region) {
-  double dropped = 0;
+void drop_slivers(CellComplex& complex, Region region, double thinner_than_mm) {
   for (const Shell& shell : shells_of(complex, region)) {
     const double shell_volume = volume(shell.surface);
-    if (shell_volume < 0 || 2 * shell_volume > kThin * area(shell.surface)) continue;
-    dropped += shell_volume;
+    if (shell_volume < 0 || 2 * shell_volume > thinner_than_mm * area(shell.surface)) continue;
     relabel(complex, shell.facets, region, main_neighbour(complex, shell, region));
   }
   tidy(complex);
-  return dropped;
 }
 
 // Area of a shell's triangles that lie on the base.
@@ -199,7 +195,8 @@ bool identical(const TriangleMesh& a, const TriangleMesh& b) {
 
 }  // namespace
 
-Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target) {
+Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target,
+                              double tolerance_mm) {
   Volumes volumes;
   if (identical(initial, target)) {
     volumes.complex.vertices = initial.vertices;
@@ -208,19 +205,24 @@ Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& t
     }
     tidy(volumes.complex);
     volumes.is_skin.assign(volumes.complex.facets.size(), false);
+    volumes.coincident_area_mm2 = area(initial);
     return volumes;
   }
-  auto both = overlay(initial, target);
+  auto both = tolerant_overlay(initial, target, tolerance_mm);
   if (!both) return both.error();
-  volumes.complex = std::move(*both);
+  volumes.complex = std::move(both->complex);
+  volumes.coincident_area_mm2 = both->coincident_area_mm2;
   constexpr std::array<std::uint8_t, 4> kRegionOf{kOutside, kRemoved, kAdded, kReused};
   for (CellFacet& facet : volumes.complex.facets) {
     facet.front = kRegionOf[facet.front];
     facet.back = kRegionOf[facet.back];
   }
-  volumes.dropped_mm3 += drop_slivers(volumes.complex, kRemoved);
-  volumes.dropped_mm3 += drop_slivers(volumes.complex, kAdded);
-  volumes.dropped_mm3 += drop_slivers(volumes.complex, kReused);
+  for (const Region region : {kRemoved, kAdded, kReused}) {
+    drop_slivers(volumes.complex, region, tolerance_mm);
+  }
+  const double reused = volume_of(volumes.complex, kReused);
+  volumes.dropped_mm3 = volume(target) - reused - volume_of(volumes.complex, kAdded);
+  volumes.dropped_initial_mm3 = volume(initial) - reused - volume_of(volumes.complex, kRemoved);
   auto& facets = volumes.complex.facets;
   for (std::uint32_t f = 0; f < facets.size(); ++f) facets[f].origin = f;
   volumes.is_skin = find_skins(volumes.complex);

@@ -7,12 +7,12 @@
 // Units: mm, part frame. Invariants: every region is closed; the volumes balance to rounding, but
 // for
 //   `dropped_mm3`.
-// Tolerance: pieces of V~_S and V~_A thinner than 1e-3 mm on average are no matter a tool could cut
-// or
-//   lay; they go to the volume they mostly border on and are counted as dropped.
-//   Thin skins that hang on a thicker piece stay in the volumes, but are marked: what lies behind a
-//   skin is taken to be what lies on its other side, so that nobody has to cut or print it.
-// Limits: near-coincident surfaces are not snapped together.
+// Tolerance: where M* lies within the machine's tolerance of M, M's surface stands for both
+//   (tolerant_overlay.h). Pieces thinner than the tolerance on average are no matter a tool could
+//   cut or lay; they go to the volume they mostly border on. What both change is counted as
+//   dropped. Thin skins that hang on a thicker piece stay in the volumes, but are marked: what lies
+//   behind a skin is taken to be what lies on its other side, so that nobody has to cut or print
+//   it.
 #pragma once
 
 #include <cstdint>
@@ -29,13 +29,18 @@ constexpr unsigned in(Region region) {
 }
 
 struct Volumes {
-  CellComplex complex;  // every facet's origin is its own number
-  double dropped_mm3 = 0;
+  CellComplex complex;             // every facet's origin is its own number
+  double dropped_mm3 = 0;          // V(M*) - V~_R - V~_A; either sign
+  double dropped_initial_mm3 = 0;  // V(M) - V~_R - V~_S
+  double coincident_area_mm2 = 0;  // where one surface stands for both, about
   std::vector<bool> is_skin;  // by origin: one side is V~_S or V~_A, but less than 2e-3 mm of it
 };
 
+constexpr double kMachineTolerance = 0.02;  // mm
+
 // V~_R, V~_S, V~_A of two placed solids. Bit-identical solids need no boolean: all is reused.
-Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target);
+Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target,
+                              double tolerance_mm = kMachineTolerance);
 
 // Moves pieces of V_R that do not stand on z = 0 to V_T; returns their volume.
 double set_loose_pieces_free(CellComplex& complex);
