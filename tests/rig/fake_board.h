@@ -16,6 +16,9 @@ struct FakeBoardState {
   std::string to_send;
   std::vector<FilamentStep> steps;  // due when their time has come
   bool permitted = true;
+  bool ready = true;
+  CncOutputs wired;
+  std::vector<BoardMishap> suffered;
   double nozzle_c = 22;
 };
 
@@ -29,6 +32,9 @@ class FakeBoard final : public ExtruderBoard {
   void reset() override { ++state_.resets; }
   int resets_by_itself() const override { return 0; }
   bool crashed() const override { return false; }
+  void suffer(BoardMishap mishap) override { state_.suffered.push_back(mishap); }
+  bool ready() const override { return state_.ready; }
+  void set_cnc_outputs(const CncOutputs& outputs) override { state_.wired = outputs; }
   std::vector<FilamentStep> take_steps() override {
     std::vector<FilamentStep> due;
     while (!state_.steps.empty() && state_.steps.front().ns <= state_.now) {

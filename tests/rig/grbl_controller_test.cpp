@@ -67,7 +67,52 @@ TEST(GrblController, AStatusReportShowsFiveAxes) {
   EXPECT_EQ(cnc.status(),
             "<Idle|MPos:89.000,59.000,139.000,0.000,0.000|Bf:15,128|FS:0,0|"
             "WCO:0.000,0.000,0.000,0.000,0.000>\r\n");
+  EXPECT_EQ(cnc.status(),
+            "<Idle|MPos:89.000,59.000,139.000,0.000,0.000|Bf:15,128|FS:0,0|Ov:100,100,100>\r\n");
   EXPECT_EQ(cnc.status(), "<Idle|MPos:89.000,59.000,139.000,0.000,0.000|Bf:15,128|FS:0,0>\r\n");
+}
+
+TEST(GrblController, AFeedOverrideActsAtOnceAndOnlyOnFeeds) {
+  Cnc cnc;
+  cnc.say("G90 G1 X-11 F1200\n", 1'000 * kMs);
+  for (int i = 0; i < 5; ++i) cnc.say("\x92", 0);  // 50 %
+  const double x = cnc.controller.g54_position()[0];
+  cnc.wait(1'000 * kMs);
+  // 10 mm/s, and what braking from 20 costs: v^2 / 2a more than at the lower speed.
+  EXPECT_NEAR(x - cnc.controller.g54_position()[0], 10 + 0.25, 0.01);
+  EXPECT_NE(cnc.status().find("|FS:600,"), std::string::npos);
+  EXPECT_EQ(cnc.count(CncEvent::Kind::kOverride), 5);
+  const double left = cnc.controller.g54_position()[0] + 11;
+  EXPECT_NEAR(cnc.run_out(), left / 10 + 10.0 / 400, 1e-3);
+  cnc.say("\x90", 0);
+  cnc.say("\x97", 0);  // rapids 25 %
+  cnc.say("G0 X39\n", 0);
+  EXPECT_NEAR(cnc.run_out(), 0.0004 + 50 / 12.5 + 12.5 / 200, 1e-3);
+}
+
+TEST(GrblController, AnOverrideLateInAMoveTakesTheCornersItMust) {
+  Cnc cnc;
+  cnc.say("G91 G1 X-10 F3000\nX-0.2\nX-0.2\nX-10\n", 30 * kMs);
+  cnc.wait(230 * kMs);  // about to enter the short ones at full speed
+  for (int i = 0; i < 9; ++i) cnc.say("\x92", 0);
+  cnc.run_out();
+  EXPECT_NEAR(cnc.controller.g54_position()[0], 89 - 20.4, 1e-9);
+}
+
+TEST(GrblController, ADoorHoldsUntilItIsShut) {
+  Cnc cnc;
+  cnc.say("G90 G1 X0 F1200\n", 1'000 * kMs);
+  cnc.controller.press(CncButton::kDoorOpen);
+  cnc.wait(500 * kMs);
+  EXPECT_EQ(cnc.controller.state_name(), "Door:1");
+  cnc.say("~");
+  EXPECT_EQ(cnc.controller.state_name(), "Door:1");
+  cnc.controller.press(CncButton::kDoorClose);
+  EXPECT_EQ(cnc.controller.state_name(), "Door:0");
+  cnc.say("~");
+  EXPECT_EQ(cnc.controller.state_name(), "Run");
+  cnc.run_out();
+  EXPECT_EQ(cnc.controller.g54_position()[0], 0);
 }
 
 TEST(GrblController, ALongMoveTakesDistanceOverFeedPlusItsRamps) {

@@ -4,6 +4,7 @@
 
 #include "tests/rig/fake_board.h"
 #include "tests/rig/shipped_rig.h"
+#include "tools/rig/avr_extruder.h"
 
 namespace reforge {
 namespace {
@@ -126,6 +127,100 @@ TEST(VirtualRig, MovesAreTracedWhereTheAxesReallyAre) {
   EXPECT_EQ(move.fields["feed"], 1200.0);
   EXPECT_EQ(move.fields["n"], 1);
   EXPECT_EQ(rig.trace.of("line")[0].fields["text"], "G90G1X39.5F1200");
+}
+
+RigScript script_of(const char* text) {
+  auto script = RigScript::parse(text, "script");
+  EXPECT_TRUE(script) << (script ? "" : script.error().sentence);
+  return *script;
+}
+
+TEST(VirtualRig, AScriptSpoilsALinkPressesButtonsAndUpsetsTheBoard) {
+  FakeBoardState board;
+  KeptTrace trace;
+  VirtualRig rig(shipped_rig(), true, std::make_unique<FakeBoard>(board), &trace,
+                 script_of("at 0.1 cnc to-device drop 2\n"
+                           "on move 1 +0.2 panel hold\n"
+                           "at 0.5 board brown-out\n"
+                           "at 0.6 extruder to-device stall 0.3\n"
+                           "at 0.7 extruder unplug 1\n"));
+  const auto advance_to = [&](int64_t ns) {
+    std::vector<RigAction> ports;
+    while (rig.now_ns() < ns) {
+      rig.advance(ns);
+      for (const Link link : kLinks) rig.take_for_host(link);
+      for (const RigAction& action : rig.take_port_actions()) ports.push_back(action);
+    }
+    return ports;
+  };
+  advance_to(150 * kNsPerMs);
+  rig.host_wrote(Link::kCnc, "xxG1 X88 F1200\nX0\n");
+  advance_to(500 * kNsPerMs);
+  EXPECT_EQ(trace.of("move").size(), 1u);
+  advance_to(610 * kNsPerMs);
+  EXPECT_EQ(rig.cnc().state_name(), "Hold:0");
+  ASSERT_EQ(board.suffered.size(), 1u);
+  EXPECT_EQ(board.suffered[0], BoardMishap::kBrownOut);
+  EXPECT_EQ(trace.of("reset")[0].fields["cause"], "brown-out");
+  rig.host_wrote(Link::kExtruder, "late");
+  const auto ports = advance_to(880 * kNsPerMs);
+  EXPECT_EQ(board.received, "");
+  ASSERT_EQ(ports.size(), 1u);
+  EXPECT_EQ(ports[0].kind, RigAction::Kind::kUnplug);
+  advance_to(910 * kNsPerMs);
+  EXPECT_EQ(board.received, "late");
+  EXPECT_EQ(trace.of("script").size(), 5u);
+}
+
+// The paper's own wiring: M70-M75 executed by the panel, with the real firmware.
+TEST(VirtualRig, InStreamTheCncsOutputsWorkTheBoard) {
+  auto rig_file = read_rig(std::string(REFORGE_SOURCE_DIR) + "/config/rigs/mx220-panel.json");
+  ASSERT_TRUE(rig_file);
+  auto avr = AvrBoard::open(REFORGE_FIRMWARE_ELF);
+  ASSERT_TRUE(avr);
+  AvrBoard& board = **avr;
+  board.hot_end().set_temperature(204);
+  KeptTrace trace;
+  VirtualRig rig(*rig_file, true, std::make_unique<AvrExtruder>(std::move(*avr)), &trace);
+  const auto advance = [&](double seconds) {
+    const int64_t end = rig.now_ns() + static_cast<int64_t>(seconds * 1e9);
+    while (rig.now_ns() < end) {
+      rig.advance(end);
+      for (const Link link : kLinks) rig.take_for_host(link);
+    }
+  };
+  const auto extruder = [&](wire::Frame frame, uint8_t sequence) {
+    frame.sequence = sequence;
+    rig.host_wrote(Link::kExtruder, Rig::bytes(frame));
+    advance(0.05);
+  };
+  advance(0.3);
+  extruder(pack(wire::Hello{wire::kProtocolVersion, 7}, 0), 0);
+  extruder(pack(wire::SetSetting{wire::Setting::kFilamentSpeed, 347}, 0), 1);
+  extruder(pack(wire::SetSetting{wire::Setting::kInStream, 1}, 0), 2);
+  rig.host_wrote(Link::kCnc,
+                 "%\nO1\nM70\nG90 G0 X10\nM72\nG4 P100\nG1 X30 F500\nM73\nM74\nM75\nM71\nM30\n%\n");
+  for (int i = 0; i < 60 && trace.of("end").empty(); ++i) advance(1);
+  ASSERT_EQ(trace.of("end").size(), 1u);
+  EXPECT_TRUE(trace.of("fault").empty());
+  ASSERT_EQ(trace.of("extrude_on").size(), 1u);
+  ASSERT_EQ(trace.of("extrude_off").size(), 1u);
+  ASSERT_EQ(trace.of("module").size(), 2u);
+  EXPECT_EQ(trace.of("retract").size(), 2u);
+  // The bead lies from 10 to 30, and along it filament and tool go together.
+  EXPECT_NEAR(trace.of("extrude_on")[0].fields["x"].get<double>(), 10, 0.01);
+  EXPECT_NEAR(trace.of("extrude_off")[0].fields["x"].get<double>(), 30, 0.01);
+  const double begun = trace.of("extrude_on")[0].fields["steps"].get<double>();
+  int compared = 0;
+  for (const TraceRecord& flow : trace.of("flow")) {
+    const double x = flow.fields["x"].get<double>();
+    if (x < 12 || x > 28) continue;
+    // 0.347 mm/s x 420 steps/mm; a dwell of 0.1 s, and what the M-code waits after it was done.
+    const double seconds = (x - 10) / (500.0 / 60) + 0.1 + 0.02;
+    EXPECT_NEAR(flow.fields["steps"].get<double>() - begun, seconds * 0.347 * 420, 8) << x;
+    ++compared;
+  }
+  EXPECT_GT(compared, 80);
 }
 
 TEST(ExtruderWitness, TheBeadIsBoundedByWhatTheBoardReportsDone) {

@@ -19,13 +19,17 @@ class AvrExtruder final : public ExtruderBoard {
   void reset() override { board_->reset(BoardReset::kButton); }
   int resets_by_itself() const override { return board_->resets_seen(); }
   bool crashed() const override { return board_->crashed(); }
+  void suffer(BoardMishap mishap) override;
   std::vector<FilamentStep> take_steps() override;
   bool run_permitted() const override { return board_->outputs().run_permitted; }
   bool module_open() const override { return board_->outputs().module_relay; }
+  bool ready() const override { return board_->outputs().ready; }
+  void set_cnc_outputs(const CncOutputs& outputs) override;
   double nozzle_c() override { return board_->hot_end().block_c(); }
 
  private:
   std::unique_ptr<AvrBoard> board_;
+  CncOutputs wired_;
 };
 
 }  // namespace reforge

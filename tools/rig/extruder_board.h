@@ -7,12 +7,29 @@
 #include <string_view>
 #include <vector>
 
+#include "tools/rig/cnc_controller.h"
+
 namespace reforge {
 
 // A pulse on the STEP pin.
 struct FilamentStep {
   int64_t ns;
   int direction;  // +1 towards the nozzle
+};
+
+// What may happen to the board and what hangs on it.
+enum class BoardMishap {
+  kReset,  // its button
+  kBrownOut,
+  kPowerCycle,
+  kHang,  // the program loops with interrupts off
+  kSensorConnected,
+  kSensorOpen,
+  kSensorShort,
+  kSensorFallenOut,
+  kHeaterBroken,
+  kFilamentOut,
+  kFilamentIn,
 };
 
 class ExtruderBoard {
@@ -29,10 +46,13 @@ class ExtruderBoard {
   virtual void reset() = 0;                  // as DTR does
   virtual int resets_by_itself() const = 0;  // watchdog, so far
   virtual bool crashed() const = 0;
+  virtual void suffer(BoardMishap mishap) = 0;
 
   virtual std::vector<FilamentStep> take_steps() = 0;
   virtual bool run_permitted() const = 0;
   virtual bool module_open() const = 0;
+  virtual bool ready() const = 0;  // to the CNC: no M-code under way, no fault
+  virtual void set_cnc_outputs(const CncOutputs& outputs) = 0;  // the CNC's relays, in-stream
   virtual double nozzle_c() = 0;
 };
 

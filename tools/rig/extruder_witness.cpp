@@ -10,6 +10,7 @@ namespace {
 
 constexpr int64_t kStandsAfterNs = 50 * kNsPerMs;
 constexpr int64_t kRecentNs = 50 * kNsPerMs;
+constexpr int64_t kSampleNs = 20 * kNsPerMs;
 constexpr int64_t kByteNs = 10 * kNsPerSecond / wire::kBaud;
 
 }  // namespace
@@ -101,10 +102,11 @@ void ExtruderWitness::extrusion_off(int64_t ns, std::string_view by) {
 
 void ExtruderWitness::stepped(const std::vector<FilamentStep>& steps) {
   for (const FilamentStep& step : steps) {
-    looked_at(step.ns);
+    if (step.ns - last_step_ns_ >= kStandsAfterNs) looked_at(step.ns);
     if (moving_ != step.direction) {
       record(step.ns, "steps", {{"steps", position_}, {"moving", step.direction}});
       moving_ = step.direction;
+      sampled_ns_ = step.ns;
     }
     position_ += step.direction;
     last_step_ns_ = step.ns;
@@ -114,7 +116,13 @@ void ExtruderWitness::stepped(const std::vector<FilamentStep>& steps) {
 }
 
 void ExtruderWitness::looked_at(int64_t ns) {
-  if (moving_ == 0 || ns - last_step_ns_ < kStandsAfterNs) return;
+  if (moving_ == 0) return;
+  if (ns - last_step_ns_ < kStandsAfterNs) {
+    if (ns - sampled_ns_ < kSampleNs) return;
+    sampled_ns_ = ns;
+    record(ns, "flow", {{"steps", position_}});
+    return;
+  }
   moving_ = 0;
   record(last_step_ns_, "steps", {{"steps", position_}, {"moving", 0}});
 }
@@ -125,6 +133,10 @@ int64_t ExtruderWitness::position_at(int64_t ns) const {
     at -= step->direction;
   }
   return at;
+}
+
+void ExtruderWitness::in_stream_done(int m_code, int64_t ns) {
+  order_done({static_cast<uint8_t>(m_code), wire::kUseSetting}, ns);
 }
 
 void ExtruderWitness::was_reset(int64_t ns, std::string_view cause) {

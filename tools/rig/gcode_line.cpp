@@ -48,6 +48,7 @@ enum Group : unsigned {
   kFlowGroup = 1u << 10,
   kSpindleGroup = 1u << 11,
   kCoolantGroup = 1u << 12,
+  kCustomGroup = 1u << 13,
 };
 
 // Enters a G word; returns its group, 0 if unknown.
@@ -113,11 +114,17 @@ unsigned enter_m(int code, GcodeLine& line) {
   }
 }
 
-int enter_code(char letter, double value, GcodeLine& line, unsigned& groups) {
+int enter_code(char letter, double value, bool custom, GcodeLine& line, unsigned& groups) {
   if (value < 0 || value > 999) return kUnsupported;
   const int code = static_cast<int>(value);
   if (value != code) return letter == 'M' ? kNotInteger : kUnsupported;
-  const unsigned group = letter == 'G' ? enter_g(code, line) : enter_m(code, line);
+  unsigned group = 0;
+  if (custom && letter == 'M' && code >= 70 && code <= 75) {
+    line.custom = code;
+    group = kCustomGroup;
+  } else {
+    group = letter == 'G' ? enter_g(code, line) : enter_m(code, line);
+  }
   if (group == 0) return kUnsupported;
   if (groups & group) return kModalGroup;
   groups |= group;
@@ -165,6 +172,7 @@ int check(const GcodeLine& line) {
     if (*line.p > 6) return kCoordinateSystem;
     return 0;
   }
+  if (line.custom) return line.has_axes() || moves ? kAxisConflict : 0;
   if (line.l) return kUnused;
   if (line.non_modal == NonModal::kDwell) {
     if (!line.p) return kValueMissing;
@@ -181,7 +189,7 @@ bool GcodeLine::has_axes() const {
   return std::any_of(axis.begin(), axis.end(), [](const auto& word) { return word.has_value(); });
 }
 
-GcodeReading read_gcode(std::string_view text, std::string_view letters) {
+GcodeReading read_gcode(std::string_view text, std::string_view letters, bool custom) {
   GcodeReading reading;
   unsigned groups = 0;
   while (!text.empty()) {
@@ -191,7 +199,7 @@ GcodeReading read_gcode(std::string_view text, std::string_view letters) {
     const std::optional<double> value = take_number(text);
     if (!value) return {kBadNumber, {}};
     const int error = letter == 'G' || letter == 'M'
-                          ? enter_code(letter, *value, reading.line, groups)
+                          ? enter_code(letter, *value, custom, reading.line, groups)
                           : enter_value(letter, *value, letters, reading.line);
     if (error) return {error, {}};
   }

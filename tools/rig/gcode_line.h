@@ -26,6 +26,7 @@ struct GcodeLine {
   std::optional<int> coordinate_system;  // 0 = G54 ... 5 = G59
   std::optional<int> spindle;            // 3, 4 or 5
   std::optional<bool> coolant;           // M8, M9
+  std::optional<int> custom;             // M70 ... M75, where the controller knows them
   Flow flow = Flow::kNone;
   std::optional<double> f, s, p, t;
   std::optional<int> l;
@@ -40,8 +41,9 @@ struct GcodeReading {
   GcodeLine line;
 };
 
-// `letters` names the five axes in order, as CncAxes::letters.
-GcodeReading read_gcode(std::string_view text, std::string_view letters);
+// `letters` names the five axes in order, as CncAxes::letters. `custom`: M70-M75 have a meaning; an
+// S, P or L beside them is theirs.
+GcodeReading read_gcode(std::string_view text, std::string_view letters, bool custom = false);
 
 namespace grbl_error {
 constexpr int kExpectedLetter = 1;

@@ -1,6 +1,7 @@
 #include "tools/rig/grbl_controller.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
 #include <utility>
@@ -137,6 +138,58 @@ void GrblController::real_time(unsigned char c) {
   if (c == '!') hold("host");
   if (c == '~') resume();
   if (c == 0x18) reset();
+  if (c == 0x84) {
+    hold("door");
+    door_ = hold_;
+  }
+  override_by(c);
+}
+
+// grbl v1.1 "Commands": real-time overrides. True if it was one.
+bool GrblController::override_by(unsigned char c) {
+  static constexpr std::array<int, 5> kSteps{0, 10, -10, 1, -1};  // 0: back to 100
+  const auto stepped = [](int percent, int step) { return step == 0 ? 100 : percent + step; };
+  if (c >= 0x90 && c <= 0x94) {
+    set_override(feed_percent_, stepped(feed_percent_, kSteps[c - 0x90]), "feed");
+  } else if (c >= 0x95 && c <= 0x97) {
+    set_override(rapid_percent_, c == 0x95 ? 100 : c == 0x96 ? 50 : 25, "rapid");
+  } else if (c >= 0x99 && c <= 0x9D) {
+    set_override(spindle_percent_, stepped(spindle_percent_, kSteps[c - 0x99]), "spindle");
+    if (modal_.spindle != 5) event(CncEvent::Kind::kSpindle, spindle_rpm());
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void GrblController::set_override(int& percent, int to, const char* which) {
+  to = std::clamp(to, 10, 200);
+  if (std::exchange(percent, to) == to) return;
+  reports_to_overrides_ = 0;
+  event(CncEvent::Kind::kOverride, to, which);
+  motion_.set_overrides(feed_percent_ / 100.0, rapid_percent_ / 100.0);
+}
+
+void GrblController::press(CncButton button) {
+  switch (button) {
+    case CncButton::kHold:
+      return hold("panel");
+    case CncButton::kStart:
+      return resume();
+    case CncButton::kReset:
+      return reset();
+    case CncButton::kHome:
+      if (motion_.empty() && stage_ == Stage::kNone) rx_.insert(rx_.begin(), {'$', 'H', '\n'});
+      return pump();
+    case CncButton::kDoorOpen:
+      door_open_ = true;
+      hold("door");
+      door_ = hold_;
+      return;
+    case CncButton::kDoorClose:
+      door_open_ = false;
+      return;
+  }
 }
 
 // The main loop of the real one: takes characters whenever it is not kept by a line.
@@ -260,8 +313,9 @@ void GrblController::hold(const char* who) {
 }
 
 void GrblController::resume() {
-  if (!hold_ || !held_noted_) return;  // GRBL ignores it until at rest
+  if (!hold_ || !held_noted_ || door_open_) return;  // GRBL ignores it until at rest and shut
   hold_ = false;
+  door_ = false;
   if (stage_ == Stage::kDwell && dwell_left_ns_ >= 0) ready_ns_ = now_ + dwell_left_ns_;
   event(CncEvent::Kind::kResume);
   motion_.resume();
@@ -304,8 +358,11 @@ void GrblController::reset() {
   losing_ = false;
   stage_ = Stage::kNone;
   hold_ = false;
+  door_ = false;
   soft_limit_ = false;
   critical_ = false;
+  feed_percent_ = rapid_percent_ = spindle_percent_ = 100;
+  motion_.set_overrides(1, 1);
   reports_to_offsets_ = 0;
   if (turned) event(CncEvent::Kind::kSpindle, 0);
   event(CncEvent::Kind::kReset);

@@ -18,8 +18,11 @@
 // Details that differ between grbl 1.1 and grblHAL follow grblHAL: `?` is answered while homing and
 // in alarm; CR LF counts as two lines as in grbl. The hold input acts on its edge, as GRBL's does.
 // Sources: grbl v1.1 "Interface" and "Commands", grblHAL's extensions. Units: cnc_axes.h.
-// Limits: see gcode_line.h and motion_queue.h; no overrides (their bytes are swallowed), jogging,
-// probing, check mode or start-up lines; transmission is never held back by a full buffer.
+// Overrides: feed 10..200 %, rapids 25, 50, 100 %, spindle 10..200 %, at once, as GRBL's real-time
+// bytes 0x90-0x9D; 0x84 or the door's switch is a hold that ends after the door is closed.
+// Limits: see gcode_line.h and motion_queue.h; no jogging, probing, check mode or start-up lines,
+// no parking and no spindle stop behind an open door; transmission is never held back by a full
+// buffer.
 #pragma once
 
 #include <cstdint>
@@ -32,57 +35,36 @@
 
 #include "protocols/rig.h"
 #include "tools/rig/cnc_axes.h"
+#include "tools/rig/cnc_controller.h"
 #include "tools/rig/gcode_line.h"
 #include "tools/rig/motion_queue.h"
 
 namespace reforge {
 
-// What happened, for the trace.
-struct CncEvent {
-  enum class Kind {
-    kLine,     // text: a line taken for execution; line: its count since power-on
-    kMove,     // a queued move has ended at `g54`; value: its speed a second, line
-    kSpindle,  // value: rpm, 0 = off, negative = counter-clockwise
-    kDwell,    // value: seconds; begins
-    kHold,     // text: who asked: "host", "input", "M0", "soft limit"
-    kHeld,     // at rest in Hold
-    kResume,
-    kHomed,
-    kAlarm,  // value: its number
-    kReset,
-    kEnd,    // M2, M30
-    kFault,  // text: what the host did wrong
-  };
-  int64_t ns;
-  Kind kind;
-  Axes g54;  // the programmed point, in G54, at that time
-  double value = 0;
-  int64_t line = 0;
-  std::string text = {};
-};
-
-class GrblController {
+class GrblController final : public CncController {
  public:
   // Powered on: homed by its operator, or locked until homed; with the hold input as it stands.
   explicit GrblController(const RigDescription& rig, bool homed = true, bool hold_input = false);
 
-  void advance_to(int64_t ns);
-  int64_t next_event_ns() const;  // kNeverNs: nothing will happen without bytes
-  // Bytes that have arrived by now, real-time commands among them.
-  void receive(std::string_view bytes);
-  std::string take_transmitted();
-  void set_hold_input(bool asserted);
+  void advance_to(int64_t ns) override;
+  int64_t next_event_ns() const override;
+  void receive(std::string_view bytes) override;
+  std::string take_transmitted() override;
+  void set_hold_input(bool asserted) override;
+  void set_ready_input(bool) override {}  // it has no M-codes that could wait for it
+  CncOutputs outputs() const override { return {false, false, false, running()}; }
+  void press(CncButton button) override;
 
-  std::string state_name() const;  // as in status reports: "Idle", "Hold:0", ...
-  bool running() const;            // in motion for a program, not held
-  const CncAxes& axes() const { return axes_; }
+  std::string state_name() const override;  // as in status reports: "Idle", "Hold:0", ...
+  bool running() const override;
+  const CncAxes& axes() const override { return axes_; }
   Axes position() const;           // machine coordinates, as believed
   Axes physical_position() const;  // where the axes really are
-  Axes g54_position() const;       // physical, in G54
+  Axes g54_position() const override;
   int64_t bytes_lost() const { return bytes_lost_; }
   // The most bytes ever held of lines that were not yet answered: what character counting bounds.
   int unanswered_peak() const { return unanswered_peak_; }
-  std::vector<CncEvent> take_events();
+  std::vector<CncEvent> take_events() override;
 
  private:
   enum class Stage { kNone, kParse, kSync, kDwell, kMove, kFlow, kStall, kHome };
@@ -116,9 +98,12 @@ class GrblController {
   Axes target() const;
   bool within_travel(const Axes& machine) const;
   void answer(int error);
+  double spindle_rpm() const;
   void real_time(unsigned char c);
   void hold(const char* who);
   void resume();
+  bool override_by(unsigned char c);
+  void set_override(int& percent, int to, const char* which);
   void reset();
   void raise_alarm(int number);
   void note_motion();
@@ -172,10 +157,14 @@ class GrblController {
   bool held_noted_ = false;
   bool soft_limit_ = false;  // coming to rest before ALARM:2
   bool hold_input_ = false;
+  bool door_ = false;       // this hold is a door's
+  bool door_open_ = false;  // its switch
+  int feed_percent_ = 100, rapid_percent_ = 100, spindle_percent_ = 100;
   int alarm_ = 0;
   bool critical_ = false;  // only a reset is heard
   int64_t lines_taken_ = 0;
-  int reports_to_offsets_ = 0;  // status reports until WCO stands in one again
+  int reports_to_offsets_ = 0;    // status reports until WCO stands in one again
+  int reports_to_overrides_ = 1;  // the same of Ov
 
   std::string tx_;
   std::vector<CncEvent> events_;

@@ -29,12 +29,16 @@ bool GrblController::step_sync() {
   const bool waits = spindle_changes || offset_changes || writes || pending_.coolant.has_value();
   if (waits && !motion_.empty()) return false;
   apply_modal();
-  if (spindle_changes) {
-    const double rpm = modal_.rpm == 0 ? 0 : std::clamp(modal_.rpm, min_rpm_, max_rpm_);
-    event(CncEvent::Kind::kSpindle, modal_.spindle == 5 ? 0 : (modal_.spindle == 3 ? rpm : -rpm));
-  }
+  if (spindle_changes) event(CncEvent::Kind::kSpindle, spindle_rpm());
   stage_ = Stage::kDwell;
   return true;
+}
+
+// As the trace has it: the override and the spindle's own bounds included, 0 = off, M4 negative.
+double GrblController::spindle_rpm() const {
+  if (modal_.spindle == 5 || modal_.rpm == 0) return 0;
+  const double rpm = std::clamp(modal_.rpm * spindle_percent_ / 100, min_rpm_, max_rpm_);
+  return modal_.spindle == 3 ? rpm : -rpm;
 }
 
 void GrblController::apply_modal() {

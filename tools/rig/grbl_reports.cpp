@@ -12,6 +12,7 @@ namespace {
 constexpr int64_t kEepromNs = 20'000'000;
 constexpr int kOffsetsEveryIdle = 10;  // status reports
 constexpr int kOffsetsEveryBusy = 30;
+constexpr int kOverridesEvery = 20;
 
 std::string fixed3(double value) {
   std::array<char, 48> text{};
@@ -83,6 +84,10 @@ std::string GrblController::numbers(const Axes& values) const {
 std::string GrblController::state_name() const {
   if (in_alarm()) return "Alarm";
   if (stage_ == Stage::kHome) return "Home";
+  if (hold_ && door_) {
+    if (!motion_.at_rest()) return "Door:2";
+    return door_open_ ? "Door:1" : "Door:0";
+  }
   if (hold_) return motion_.at_rest() ? "Hold:0" : "Hold:1";
   return motion_.empty() ? "Idle" : "Run";
 }
@@ -94,13 +99,21 @@ void GrblController::report_status() {
             std::to_string(receive_buffer_bytes_ - static_cast<int>(rx_.size()));
   if (motion_.front_line() > 0) report += "|Ln:" + std::to_string(motion_.front_line());
   report += "|FS:" + std::to_string(std::lround(motion_.speed() * 60)) + "," +
-            std::to_string(modal_.spindle == 5 ? 0 : std::lround(modal_.rpm));
-  if (hold_input_) report += "|Pn:H";
+            std::to_string(std::lround(std::abs(spindle_rpm())));
+  if (hold_input_ || door_open_) {
+    report += std::string("|Pn:") + (door_open_ ? "D" : "") + (hold_input_ ? "H" : "");
+  }
   if (reports_to_offsets_ == 0) {
     report += "|WCO:" + numbers(offsets_[modal_.coordinate_system]);
     reports_to_offsets_ = state == "Run" || state == "Home" ? kOffsetsEveryBusy : kOffsetsEveryIdle;
+    if (reports_to_overrides_ <= 0) reports_to_overrides_ = 1;  // never both in one report
+  } else if (reports_to_overrides_ <= 0) {
+    report += "|Ov:" + std::to_string(feed_percent_) + "," + std::to_string(rapid_percent_) + "," +
+              std::to_string(spindle_percent_);
+    reports_to_overrides_ = kOverridesEvery;
   }
   --reports_to_offsets_;
+  --reports_to_overrides_;
   send(report + ">");
 }
 

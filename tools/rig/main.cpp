@@ -7,7 +7,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <fstream>
 #include <iostream>
+#include <sstream>
 #include <string>
 
 #include "protocols/rig.h"
@@ -24,7 +26,7 @@ constexpr int kBadInput = 3;
 constexpr int kDevice = 4;
 
 struct Arguments {
-  std::string rig, dir, speed = "1", clock, trace, firmware;
+  std::string rig, dir, speed = "1", clock, trace, firmware, script;
   bool unhomed = false;
 };
 
@@ -71,6 +73,15 @@ Result<RigServer::Ports> make_ports(const Arguments& arguments) {
                           std::move(clock)};
 }
 
+Result<RigScript> read_script(const std::string& file) {
+  if (file.empty()) return RigScript();
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) return Error{Code::kUnreadable, "The script " + file + " cannot be read."};
+  return RigScript::parse(text.str(), file);
+}
+
 FileHandle stop_signals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -89,6 +100,8 @@ int run(const Arguments& arguments) {
   const FileHandle stop = stop_signals();
   const auto rig = read_rig(arguments.rig);
   if (!rig) return fail(kBadInput, rig.error().sentence);
+  auto script = read_script(arguments.script);
+  if (!script) return fail(kBadInput, script.error().sentence);
   auto board = AvrBoard::open(arguments.firmware);
   if (!board) return fail(kBadInput, board.error().sentence);
   std::unique_ptr<TraceFile> trace;
@@ -101,7 +114,7 @@ int run(const Arguments& arguments) {
   if (!ports) return fail(kDevice, ports.error().sentence);
 
   VirtualRig virtual_rig(*rig, !arguments.unhomed, std::make_unique<AvrExtruder>(std::move(*board)),
-                         trace.get());
+                         trace.get(), std::move(*script));
   for (const PtyPort* port : {&ports->cnc, &ports->extruder}) {
     std::cout << port->link().string() << " -> " << port->device() << '\n';
   }
@@ -124,9 +137,10 @@ int main(int argc, char** argv) {
   arguments.firmware = self.parent_path() / "arduino-extruder.elf";
 
   CLI::App app{
-      "The virtual rig: a simulated GRBL-family 5-axis CNC and the real extruder firmware in an "
-      "AVR\n"
-      "simulator, each behind a pseudo-terminal. Prints READY when both ports are there.\n"
+      "The virtual rig: a simulated 5-axis CNC (GRBL, Marlin or Fanuc-like, as the rig file says) "
+      "and\n"
+      "the real extruder firmware in an AVR simulator, each behind a pseudo-terminal. Prints READY "
+      "when both ports are there.\n"
       "Programs that use libserialport need LD_PRELOAD=libreforge-ptyport.so and, for the reset "
       "by\n"
       "DTR, REFORGE_RIG_DTR=DIR/dtr.sock in their environment.",
@@ -140,6 +154,8 @@ int main(int argc, char** argv) {
   app.add_option("--clock", arguments.clock,
                  "Unix socket on which a daemon takes its time from us");
   app.add_option("--trace", arguments.trace, "Where to record what physically happened");
+  app.add_option("--script", arguments.script,
+                 "What goes wrong and what the operator does, when (FORMATS.md, \"Rig script\")");
   app.add_option("--firmware", arguments.firmware, "Firmware of the extruder board")
       ->capture_default_str();
   app.add_flag("--unhomed", arguments.unhomed, "The CNC starts locked until homed ($H)");

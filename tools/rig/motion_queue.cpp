@@ -31,24 +31,32 @@ double reachable(double speed, double acceleration, double length) {
   return std::sqrt(speed * speed + 2 * acceleration * length);
 }
 
+// Speed after braking from `speed` over `length`.
+double slowed(double speed, double acceleration, double length) {
+  return std::sqrt(std::max(0.0, speed * speed - 2 * acceleration * length));
+}
+
 }  // namespace
 
 MotionQueue::MotionQueue(const Limits& limits, const Axes& start)
     : limits_(limits), planned_end_(start) {}
 
-double MotionQueue::junction_speed(const Block& before, const Block& after) const {
+double MotionQueue::nominal_speed(const Block& block) const {
+  if (block.asked <= 0) return block.fastest * rapid_override_;
+  return std::min(block.asked * feed_override_, block.fastest);
+}
+
+double MotionQueue::corner_speed(const Block& before, const Block& after) const {
   const double cosine = -dot(before.direction, after.direction);
-  const double limit = std::min(before.nominal, after.nominal);
-  if (cosine > 0.999999) return 0;       // straight back
-  if (cosine < -0.999999) return limit;  // straight on
+  if (cosine > 0.999999) return 0;                                         // straight back
+  if (cosine < -0.999999) return std::numeric_limits<double>::infinity();  // straight on
   const double sin_half = std::sqrt(0.5 * (1 - cosine));
   Axes turn{};
   for (int i = 0; i < kAxisCount; ++i) turn[i] = after.direction[i] - before.direction[i];
   const double norm = std::sqrt(dot(turn, turn));
   for (double& t : turn) t /= norm;
   const double acceleration = limited(turn, limits_.acceleration);
-  return std::min(
-      limit, std::sqrt(acceleration * limits_.junction_deviation_mm * sin_half / (1 - sin_half)));
+  return std::sqrt(acceleration * limits_.junction_deviation_mm * sin_half / (1 - sin_half));
 }
 
 void MotionQueue::append(const Axes& end, double speed, int64_t line) {
@@ -61,9 +69,12 @@ void MotionQueue::append(const Axes& end, double speed, int64_t line) {
   if (block.length < kTinyLength) return;
   for (double& d : block.direction) d /= block.length;
   block.acceleration = limited(block.direction, limits_.acceleration);
-  const double fastest = limited(block.direction, limits_.rate);
-  block.nominal = speed > 0 ? std::min(speed, fastest) : fastest;
-  block.max_entry = blocks_.empty() ? 0 : junction_speed(blocks_.back(), block);
+  block.asked = speed;
+  block.fastest = limited(block.direction, limits_.rate);
+  block.nominal = nominal_speed(block);
+  block.corner = blocks_.empty() ? 0 : corner_speed(blocks_.back(), block);
+  block.max_entry =
+      blocks_.empty() ? 0 : std::min({block.corner, blocks_.back().nominal, block.nominal});
   block.line = line;
   if (blocks_.empty()) {
     done_ = 0;
@@ -87,10 +98,13 @@ void MotionQueue::replan() {
     exit = block.entry;
   }
   double speed = reachable(front.entry, front.acceleration, front.length - done_);
+  double least = slowed(front.entry, front.acceleration, front.length - done_);
   for (size_t i = 1; i < blocks_.size(); ++i) {
     Block& block = blocks_[i];
-    block.entry = std::min(block.entry, speed);
+    // An override may have left too little way to slow down in; then it takes what it takes.
+    block.entry = std::max(std::min(block.entry, speed), least);
     speed = reachable(block.entry, block.acceleration, block.length);
+    least = slowed(block.entry, block.acceleration, block.length);
   }
   plan_front(blocks_.size() > 1 ? blocks_[1].entry : 0);
 }
@@ -103,10 +117,20 @@ void MotionQueue::plan_front(double exit) {
   // The fastest it could become and still leave at `exit`; braking distance always suffices up to
   // rounding, because the plan before this one could stop in the same length.
   const double summit = std::sqrt(std::max(0.0, a * length + (entry * entry + exit * exit) / 2));
+  phases_.clear();
+  if (entry > front.nominal && exit <= front.nominal) {
+    // An override has lowered what it strives for: brake first.
+    const double brake = (entry * entry - front.nominal * front.nominal) / (2 * a);
+    const double last = (front.nominal * front.nominal - exit * exit) / (2 * a);
+    phases_.push_back({(entry - front.nominal) / a, entry, -a});
+    const double even = length - brake - last;
+    if (even > kTinyLength) phases_.push_back({even / front.nominal, front.nominal, 0});
+    if (front.nominal > exit) phases_.push_back({(front.nominal - exit) / a, front.nominal, -a});
+    return;
+  }
   const double top = std::max({entry, exit, std::min(summit, front.nominal)});
   const double up = (top * top - entry * entry) / (2 * a);
   const double down = (top * top - exit * exit) / (2 * a);
-  phases_.clear();
   if (top > entry) phases_.push_back({(top - entry) / a, entry, a});
   const double along = length - up - down;
   if (along > kTinyLength) phases_.push_back({along / top, top, 0});
@@ -229,6 +253,19 @@ Axes MotionQueue::abort() {
 
 void MotionQueue::set_limits(const Limits& limits) {
   limits_ = limits;
+}
+
+void MotionQueue::set_overrides(double feed, double rapid) {
+  feed_override_ = feed;
+  rapid_override_ = rapid;
+  for (size_t i = 0; i < blocks_.size(); ++i) {
+    Block& block = blocks_[i];
+    block.nominal = nominal_speed(block);
+    if (i > 0) {
+      block.max_entry = std::min({block.corner, blocks_[i - 1].nominal, block.nominal});
+    }
+  }
+  if (!blocks_.empty() && !held_) replan();
 }
 
 void MotionQueue::set_position(const Axes& here) {

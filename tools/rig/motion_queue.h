@@ -5,7 +5,9 @@
 // ends at rest. Times are virtual nanoseconds; positions, speeds and accelerations as in
 // cnc_axes.h. A pure function of its calls. Invariant: speed is continuous except at abort(), and
 // never exceeds what any axis may do.
-// Limits: no jerk limit, no arcs, no feed override.
+// An override changes how fast queued moves strive to be from now on; what is then too fast slows
+// down at the blocks' acceleration, past a corner if that is how long it takes, as GRBL's does.
+// Limits: no jerk limit, no arcs.
 #pragma once
 
 #include <cstdint>
@@ -56,6 +58,8 @@ class MotionQueue {
   Axes abort();
 
   void set_limits(const Limits& limits);  // for moves appended from now on
+  // Factors of what moves were asked for; rapids have one of their own.
+  void set_overrides(double feed, double rapid);
   // The axes are here now (homing). Precondition: empty().
   void set_position(const Axes& here);
 
@@ -70,8 +74,11 @@ class MotionQueue {
     Axes start, end, direction;
     double length;
     double acceleration;
+    double asked;      // as appended, <= 0: rapid
+    double fastest;    // what the axes allow
     double nominal;    // speed it strives for
-    double max_entry;  // at the junction before it
+    double corner;     // what the junction before it allows, whatever is striven for
+    double max_entry;  // at that junction
     double entry;      // planned
     int64_t line;
   };
@@ -87,13 +94,15 @@ class MotionQueue {
   int64_t front_end_ns() const;
   double seconds_in() const;
   static double distance_in(const std::vector<Phase>& phases, double seconds, double& speed);
-  double junction_speed(const Block& before, const Block& after) const;
+  double nominal_speed(const Block& block) const;
+  double corner_speed(const Block& before, const Block& after) const;
 
   Limits limits_;
   std::deque<Block> blocks_;
   std::vector<Phase> phases_;  // of the front block, from phases_since_ns_ on
   int64_t phases_since_ns_ = 0;
   double done_ = 0;  // of the front block before phases_since_ns_
+  double feed_override_ = 1, rapid_override_ = 1;
   bool held_ = false;
   int64_t now_ = 0;
   Axes planned_end_;

@@ -62,6 +62,23 @@ Result<PtyPort> PtyPort::create(const std::filesystem::path& link) {
   return PtyPort(std::move(master), std::move(slave), name.data(), link);
 }
 
+void PtyPort::unplug() {
+  std::error_code ignored;
+  std::filesystem::remove(link_, ignored);
+  master_ = FileHandle();
+  slave_ = FileHandle();
+}
+
+Result<bool> PtyPort::plug() {
+  auto made = create(link_);
+  if (!made) return made.error();
+  master_ = std::move(made->master_);
+  slave_ = std::move(made->slave_);
+  device_ = std::move(made->device_);
+  made->link_.clear();  // ours now
+  return true;
+}
+
 std::string PtyPort::read() {
   std::string bytes;
   std::array<char, 4096> chunk;

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "protocols/result.h"
 #include "tools/rig/file_handle.h"
@@ -23,6 +24,13 @@ class PtyPort {
   int fd() const { return master_.get(); }
   const std::filesystem::path& link() const { return link_; }
   const std::string& device() const { return device_; }  // "/dev/pts/N"
+
+  // The cable is pulled: programs see a hang-up and the link is gone, until plug(), which makes a
+  // new pseudo-terminal. swap_names: who is plugged in under which name.
+  void unplug();
+  Result<bool> plug();
+  bool plugged() const { return static_cast<bool>(master_); }
+  static void swap_names(PtyPort& a, PtyPort& b) { std::swap(a.link_, b.link_); }
 
   std::string read();  // whatever is there, perhaps nothing
   // How many bytes were taken; the rest is lost, as on a wire whose host does not listen.

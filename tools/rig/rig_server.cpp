@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <utility>
 #include <vector>
 
 namespace reforge {
@@ -55,6 +56,7 @@ void RigServer::run_free(int stop_fd) {
   while (rig_.now_ns() < target && Wall::now() - begun < kBehindMax) {
     rig_.advance(target);
     deliver();
+    handle_ports();
   }
   if (rig_.now_ns() < target) anchor();
 
@@ -91,6 +93,7 @@ void RigServer::run_with_daemon(int stop_fd) {
       if (options_.speed && -early > duration_cast<microseconds>(kBehindMax).count()) anchor();
       rig_.advance(target);
       deliver();
+      handle_ports();
       tick();
     } else {
       timeout_us = static_cast<int>(std::min<int64_t>(early, timeout_us));
@@ -133,6 +136,7 @@ void RigServer::take_counted(const ClockAnswer& answer) {
     const uint64_t count = counted[static_cast<size_t>(link)];
     while (true) {
       take_in(link, state.pty->read());
+      if (!state.pty->plugged()) state.in = std::max(state.in, count);  // lost with the cable
       if (state.in >= count) break;
       if (Wall::now() > give_up) {
         rig_.note_fault(
@@ -164,7 +168,8 @@ void RigServer::take_modem_lines() {
         ++state.opened;
         dtr = true;
       } else if (event.kind == Kind::kClosed) {
-        if (--state.opened == 0 && state.pty->drops_dtr_on_close()) dtr = false;
+        if (state.opened > 0) --state.opened;
+        if (state.opened == 0 && state.pty->drops_dtr_on_close()) dtr = false;
       } else {
         dtr = event.kind == Kind::kDtrHigh;
       }
@@ -180,12 +185,39 @@ void RigServer::deliver() {
   for (const Link link : kLinks) {
     PortState& state = port(link);
     const std::string bytes = rig_.take_for_host(link);
-    if (bytes.empty() || (state.ever_opened && state.opened == 0)) continue;
+    if (bytes.empty() || !state.pty->plugged()) continue;
+    if (state.ever_opened && state.opened == 0) continue;
     const size_t taken = state.pty->write(bytes);
     state.out += taken;
     const bool lost = taken < bytes.size();
     if (lost && !state.overrun_noted) rig_.note_fault("host", "does not read its port: bytes lost");
     state.overrun_noted = lost;
+  }
+}
+
+void RigServer::unplug(Link link, double seconds) {
+  PortState& state = port(link);
+  take_in(link, state.pty->read());  // what was on its way still arrives
+  state.pty->unplug();
+  state.opened = 0;
+  state.plug_ns = rig_.now_ns() + static_cast<int64_t>(seconds * 1e9);
+  if (std::exchange(state.dtr, false)) rig_.dtr(link, false);
+}
+
+void RigServer::handle_ports() {
+  for (const RigAction& action : rig_.take_port_actions()) {
+    if (action.kind == RigAction::Kind::kSwapPorts) {
+      for (const Link link : kLinks) unplug(link, action.amount);
+      PtyPort::swap_names(ports_.cnc, ports_.extruder);
+    } else {
+      unplug(action.link, action.amount);
+    }
+  }
+  for (PortState& state : ports_state_) {
+    if (rig_.now_ns() < state.plug_ns) continue;
+    state.plug_ns = kNeverNs;
+    const auto plugged = state.pty->plug();
+    if (!plugged) options_.say(plugged.error().sentence);
   }
 }
 

@@ -4,7 +4,8 @@
 // Without a daemon on the clock link, virtual time follows the wall clock times `speed` (1 for
 // "max"); when the computer cannot keep up, virtual time falls behind instead of rushing later.
 // With one, time goes tick by tick and waits for the daemon's answer each time (FORMATS.md, "Clock
-// link"); a finite `speed` then only bounds it. One thread.
+// link"); a finite `speed` then only bounds it. Pulls and exchanges ports when the rig's script
+// says so. One thread.
 #pragma once
 
 #include <chrono>
@@ -46,8 +47,9 @@ class RigServer {
     bool ever_opened = false;  // told by the modem lines
     bool dtr = false;
     bool overrun_noted = false;
-    uint64_t out = 0;  // bytes handed to the host since the start
-    uint64_t in = 0;   // bytes from the host since a daemon connected
+    uint64_t out = 0;            // bytes handed to the host since the start
+    uint64_t in = 0;             // bytes from the host since a daemon connected
+    int64_t plug_ns = kNeverNs;  // plugged in again then
   };
 
   void run_free(int stop_fd);
@@ -58,6 +60,8 @@ class RigServer {
   void take_in(Link link, std::string bytes);
   void take_modem_lines();
   void deliver();
+  void handle_ports();
+  void unplug(Link link, double seconds);
   void tick();
   bool wait(int stop_fd, int timeout_us, bool ports_too);
   void anchor();
