@@ -38,9 +38,13 @@ std::vector<Vec3> hemisphere_directions(int count) {
   std::vector<Vec3> directions{Vec3::UnitZ(), Vec3::UnitX(), -Vec3::UnitX(), Vec3::UnitY(),
                                -Vec3::UnitY()};
   const double golden = std::numbers::pi * (3 - std::sqrt(5.0));
-  for (int i = 0; i < count; ++i) {
-    const double z = (i + 0.5) / count, r = std::sqrt(1 - z * z), turn = golden * i;
-    directions.emplace_back(r * std::cos(turn), r * std::sin(turn), z);
+  // From steep to level and again, so that the first few are spread as well.
+  constexpr int kTurns = 7;
+  for (int first = 0; first < kTurns; ++first) {
+    for (int i = count - 1 - first; i >= 0; i -= kTurns) {
+      const double z = (i + 0.5) / count, r = std::sqrt(1 - z * z), turn = golden * i;
+      directions.emplace_back(r * std::cos(turn), r * std::sin(turn), z);
+    }
   }
   return directions;
 }
@@ -85,36 +89,54 @@ bool DirectionalReach::nozzle_reaches(const Vec3& tip) const {
   return tip.z() >= -kBelowBase && nozzle_tips_.lookup(tip) <= tip.dot(direction_) + 1e-4;
 }
 
-ReachTable reach_table(const std::vector<SurfaceSample>& samples, const BitSet& reused_goes,
-                       const std::vector<Vec3>& directions,
-                       std::span<const TriangleMesh* const> obstacles, const ToolBodies& tools,
-                       double pitch_mm) {
+bool is_beneath_base(const SurfaceSample& sample, double ball_radius_mm) {
+  return sample.position.z() + ball_radius_mm * sample.normal.z() < 0;
+}
+
+ReachTable reach_of(const std::vector<SurfaceSample>& samples, const BitSet& cutter,
+                    const BitSet& nozzle, const std::vector<Vec3>& directions,
+                    std::span<const TriangleMesh* const> obstacles, const ToolBodies& tools,
+                    double pitch_mm) {
   ReachTable table;
   table.cutter.assign(directions.size(), BitSet(samples.size()));
   table.nozzle = table.cutter;
+  table.cutter_anywhere = table.nozzle_anywhere = BitSet(samples.size());
   std::vector<Vec3> around;
-  for (const auto& sample : samples) around.push_back(sample.position);
-  const auto work = [&](std::size_t from, std::size_t step) {
-    for (std::size_t d = from; d < directions.size(); d += step) {
-      const DirectionalReach reach(directions[d], obstacles, around, tools, pitch_mm);
-      for (std::size_t i = 0; i < samples.size(); ++i) {
-        for (const Vec3& centre :
-             ball_centres(samples[i], reused_goes.test(i), tools.ball_radius_mm)) {
-          if (!reach.cutter_reaches(centre)) continue;
-          table.cutter[d].set(i);
-          break;
-        }
-        if (reach.nozzle_reaches(samples[i].position)) table.nozzle[d].set(i);
+  BitSet to_serve = cutter;
+  std::vector<std::vector<Vec3>> centres(samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    around.push_back(samples[i].position);
+    if (is_beneath_base(samples[i], tools.ball_radius_mm)) to_serve.clear(i);
+    if (cutter.test(i)) centres[i] = ball_centres(samples[i], false, tools.ball_radius_mm);
+  }
+  const auto look = [&](std::size_t d) {
+    const DirectionalReach reach(directions[d], obstacles, around, tools, pitch_mm);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      for (const Vec3& centre : centres[i]) {
+        if (!reach.cutter_reaches(centre)) continue;
+        table.cutter[d].set(i);
+        break;
       }
+      if (nozzle.test(i) && reach.nozzle_reaches(samples[i].position)) table.nozzle[d].set(i);
     }
   };
-  // Each thread writes its own directions, so the table does not depend on how many there are.
-  std::thread other(work, 1, 2);
-  work(0, 2);
-  other.join();
-  table.cutter_anywhere = table.nozzle_anywhere = BitSet(samples.size());
-  for (const auto& reached : table.cutter) table.cutter_anywhere |= reached;
-  for (const auto& reached : table.nozzle) table.nozzle_anywhere |= reached;
+  // In rounds of a few directions, so that what is looked at does not depend on the threads.
+  constexpr std::size_t kRound = 10;
+  for (std::size_t from = 0; from < directions.size(); from += kRound) {
+    const std::size_t to = std::min(directions.size(), from + kRound);
+    std::thread other([&] {
+      for (std::size_t d = from + 1; d < to; d += 2) look(d);
+    });
+    for (std::size_t d = from; d < to; d += 2) look(d);
+    other.join();
+    for (std::size_t d = from; d < to; ++d) {
+      table.cutter_anywhere |= table.cutter[d];
+      table.nozzle_anywhere |= table.nozzle[d];
+    }
+    BitSet left = to_serve;
+    left.subtract(table.cutter_anywhere);
+    if (!left.any() && table.nozzle_anywhere == nozzle) break;
+  }
   return table;
 }
 

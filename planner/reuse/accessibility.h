@@ -57,16 +57,21 @@ class DirectionalReach {
   HeightMap cutter_tips_, nozzle_tips_;
 };
 
-// For each direction, the samples that can be reached along it; `reused_goes` (by sample number)
-// tells which of V~_R's borders belong to V_T.
+// For each direction, the samples that can be reached along it.
 struct ReachTable {
   std::vector<BitSet> cutter, nozzle;  // by direction
   BitSet cutter_anywhere, nozzle_anywhere;
 };
-ReachTable reach_table(const std::vector<SurfaceSample>& samples, const BitSet& reused_goes,
-                       const std::vector<Vec3>& directions,
-                       std::span<const TriangleMesh* const> obstacles, const ToolBodies& tools,
-                       double pitch_mm);
+// Whether only the table keeps a ball cutter away from the sample.
+bool is_beneath_base(const SurfaceSample& sample, double ball_radius_mm);
+
+// For the samples in `cutter` and `nozzle` only, and only as many directions as it takes until all
+// of those are served (but for those beneath the base): rows of directions that were not needed
+// stay empty.
+ReachTable reach_of(const std::vector<SurfaceSample>& samples, const BitSet& cutter,
+                    const BitSet& nozzle, const std::vector<Vec3>& directions,
+                    std::span<const TriangleMesh* const> obstacles, const ToolBodies& tools,
+                    double pitch_mm);
 
 // Whether a tool with its tip at `tip` along `direction` has `point` in its body.
 bool body_holds(std::span<const ToolSection> sections, const Vec3& tip, const Vec3& direction,

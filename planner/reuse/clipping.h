@@ -19,31 +19,17 @@
 
 #include <memory>
 #include <optional>
+#include <unordered_set>
 #include <vector>
 
 #include "planner/geometry/plane.h"
 #include "planner/geometry/voxel_set.h"
 #include "planner/reuse/accessibility.h"
+#include "planner/reuse/blockers.h"
 #include "planner/reuse/printing_base.h"
+#include "planner/reuse/run_graph.h"
 
 namespace reforge {
-
-// The samples of V~_R that stand in the way of a tool at one place: bits of consecutive numbers.
-struct Blockers {
-  std::size_t first_word = 0;
-  std::vector<std::uint64_t> words;
-
-  Blockers() = default;
-  explicit Blockers(const BitSet& set);
-  bool any() const { return !words.empty(); }
-  // Whether all of them have been taken away.
-  bool clear(const BitSet& taken) const {
-    for (std::size_t w = 0; w < words.size(); ++w) {
-      if (words[w] & ~taken.words[first_word + w]) return false;
-    }
-    return true;
-  }
-};
 
 struct Slot {
   std::vector<std::uint32_t> anchors;  // samples of V~_R
@@ -55,16 +41,23 @@ struct Slot {
 
 // A point on a cut face: milled, then printed on along the plane's normal.
 struct CapPoint {
+  Vec3 position;
   std::uint32_t beneath;  // the sample just below it; without it the cap is not there
   Blockers nozzle_blockers;
-  std::vector<Blockers> cutter_blockers;  // by direction; one of them must be clear
+  // By direction; one of them must be clear. Empty: a nozzle that reaches leaves room for the
+  // cutter.
+  std::vector<Blockers> cutter_blockers;
 };
 
 struct Cut {
+  std::size_t slot = 0;
   Plane plane;
-  BitSet taken;                // T_i
-  std::vector<CapPoint> caps;  // made when feasibility is first asked for
+  BitSet taken;  // T_i
+  std::size_t count = 0;
+  // Made when feasibility is first asked for:
   bool caps_made = false;
+  Blockers above_caps;  // what is in the nozzle's way at every cap point
+  std::vector<CapPoint> caps;
 };
 
 // The cuts of all slots (null: the slot is not used) and what follows.
@@ -77,6 +70,9 @@ struct Clipping {
   bool feasible() const { return blocked == 0 && uncovered == 0; }
 };
 
+// Which direction last served each watched point: where to look first.
+using LastServed = std::vector<std::uint16_t>;
+
 // A surface sample out of reach while all of V~_R stands.
 struct WatchedPoint {
   SurfaceSample sample;
@@ -88,8 +84,9 @@ struct WatchedPoint {
 
 struct ClippingOptions {
   double clearance_mm = 0.3;         // bodies are widened by this while searching
+  double lowered_mm = 0.3;           // and their wider parts begin this much lower
   double foot_kept = 0.5;            // share of the foot's samples that must stay
-  std::size_t directions_kept = 32;  // per watched point
+  std::size_t directions_kept = 24;  // per watched point
 };
 
 class ClippingModel {
@@ -105,14 +102,18 @@ class ClippingModel {
   const std::vector<WatchedPoint>& watched() const { return watched_; }
 
   void add_base(const BaseComponent& base, const std::vector<Vec3>& normals);
-  // Bases with one of these facets must be taken as a whole; to be called before watch().
+  // Bases with one of these facets must be taken as a whole.
   void require(const std::vector<std::uint32_t>& origins);
-  // A slot for whatever blocks a watched point along its least blocked direction.
+  // Slots for whatever blocks a watched point along its least blocked direction.
   void add_blocker_slots(std::size_t most);
   // A slot from which everything above a height can be taken.
   void add_top_slot();
-  void watch(const std::vector<SurfaceSample>& samples, const ReachTable& reach,
-             bool assume_blocked);
+  // Watches those samples that `reach` finds blocked.
+  void watch(const std::vector<SurfaceSample>& samples, const ReachTable& reach);
+  // Watches samples whatever stands in their way, with bodies widened by another `extra_mm`.
+  void watch_closely(const std::vector<SurfaceSample>& samples, double extra_mm);
+  // Caps of this slot's cuts, made from now on, keep another `extra_mm` clear.
+  void widen_caps(std::size_t slot, double extra_mm) { cap_extra_[slot] += extra_mm; }
 
   // The offset above which the slot's plane would leave some of its points behind.
   double highest_offset(const Slot& slot, const Vec3& normal) const;
@@ -124,35 +125,48 @@ class ClippingModel {
   // V_T, kept and uncovered; blocked is left at 0. If fewer than `needed` samples could be kept
   // even without counting loose pieces, it stops there with that number.
   Clipping combine(std::vector<std::shared_ptr<Cut>> cuts, double needed = 0) const;
-  void count_blocked(Clipping& clipping) const;
+  void count_blocked(Clipping& clipping, LastServed* last = nullptr) const;
+  // What is out of reach: places, and the slot of a cap (slots().size(): no cap).
+  struct OutOfReach {
+    Vec3 position;
+    std::size_t slot;
+  };
+  std::vector<OutOfReach> out_of_reach(const Clipping& clipping) const;
+  // The same cut again, its caps not yet made.
+  std::shared_ptr<Cut> afresh(const Cut& cut) const;
 
  private:
-  void make_caps(Cut& cut) const;
-  // Samples in height order along one direction, in its frame.
-  struct Projection {
-    Frame frame;
-    std::vector<float> u, v, h;
-    std::vector<std::uint32_t> number;
+  struct Tools {
+    ToolProfile cutter, nozzle;
   };
-  Projection project(const Vec3& direction, const BitSet& without, double above) const;
-  BitSet blockers(const std::vector<ToolSection>& sections, const Vec3& tip,
-                  const Projection& along) const;
+  Tools widened(double extra_mm) const;
+  void watch_point(const SurfaceSample& sample, bool always_goes, bool cutter, double extra_mm);
+  bool is_wanted(const WatchedPoint& point, const BitSet& taken) const;
+  bool is_served(const WatchedPoint& point, const BitSet& taken, std::uint16_t* last) const;
+  std::unordered_set<std::uint32_t> required_origins() const;
+  void make_caps(Cut& cut) const;
   // Whether base or fixture keep a tool from standing there, along any direction or a common one.
   bool fixture_blocks(std::span<const ToolSection> sections, const Vec3& tip,
                       const Vec3& direction) const;
   bool fixture_blocks(bool cutter, const Vec3& tip, std::size_t direction) const;
   std::int32_t sample_near(const Vec3& point) const;
+  std::vector<std::size_t> leaning_towards(const Vec3& normal) const;
 
   VoxelSet samples_;
+  std::vector<Eigen::Vector3f> points_;  // of the samples, in single precision
+  RunGraph runs_;
+  std::vector<RunGraph::Seed> foot_seeds_;
+  std::vector<std::vector<RunGraph::Seed>> anchor_seeds_;  // by slot
   BitSet all_, foot_;
   std::vector<std::uint32_t> foot_list_;
-  ToolBodies tools_;                            // widened
+  ToolBodies tools_, wide_tools_;               // as they are, widened
   std::vector<Vec3> fixture_points_;            // on its surface
   std::vector<DirectionalReach> past_fixture_;  // by direction; empty without fixture
   std::vector<Vec3> directions_;
-  std::vector<Projection> projections_;  // by direction
+  std::vector<DirectedSamples> directed_;  // by direction
   ClippingOptions options_;
   std::vector<Slot> slots_;
+  std::vector<double> cap_extra_;  // by slot
   std::vector<WatchedPoint> watched_;
 };
 

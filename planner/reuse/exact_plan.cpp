@@ -57,7 +57,7 @@ std::optional<SurfaceSample> before_cutting(SurfaceSample sample) {
     sample.normal = -sample.normal;
   }
   if (sample.matter == kThenAdded) sample.matter = kReused;
-  if (sample.other == kReused || sample.other == kThenAdded) return std::nullopt;
+  if (sample.other == kReused || sample.other == kThenAdded) return std::nullopt;  // a cap
   return sample;
 }
 
@@ -159,10 +159,6 @@ void check_carried(const CellComplex& complex, const AuditSettings& settings, Au
 
 }  // namespace
 
-bool is_beneath_base(const SurfaceSample& sample, double ball_radius_mm) {
-  return sample.position.z() + ball_radius_mm * sample.normal.z() < 0;
-}
-
 Clipping pruned(const ClippingModel& model, const Clipping& clipping) {
   Clipping best = clipping;
   for (std::size_t s = 0; s < clipping.cuts.size(); ++s) {
@@ -198,9 +194,9 @@ Result<ExactClipping> realise(const CellComplex& ideal, const ClippingModel& mod
 AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
   AuditResult result;
   const auto components = printing_bases(complex, settings.is_skin);
-  std::vector<Vec3> directions = settings.directions;
-  const auto own = facet_directions(components);
-  directions.insert(directions.end(), own.begin(), own.end());
+  // The bases' own directions first: caps are printed along them.
+  std::vector<Vec3> directions = facet_directions(components);
+  directions.insert(directions.end(), settings.directions.begin(), settings.directions.end());
   for (const auto& component : components) {
     ++result.counts.bases;
     if (!component.plano_convex) {
@@ -215,15 +211,17 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
       sample_borders(complex, settings.is_skin, settings.sample_distance_mm, settings.seed);
   const TriangleMesh reused = surface_of(complex, in(kReused));
   const TriangleMesh* obstacles[] = {&reused, &settings.fixture};
-  const BitSet none_goes(samples.size());
-  const ReachTable reach =
-      reach_table(samples, none_goes, directions, obstacles, settings.tools, settings.pitch_mm);
   BitSet to_cut(samples.size()), to_print(samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (samples[i].needs_cutter(false)) to_cut.set(i);
+    if (samples[i].needs_nozzle(false)) to_print.set(i);
+  }
+  const ReachTable reach =
+      reach_of(samples, to_cut, to_print, directions, obstacles, settings.tools, settings.pitch_mm);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const SurfaceSample& sample = samples[i];
     bool is_blocked = false;
-    if (sample.needs_cutter(false)) {
-      to_cut.set(i);
+    if (to_cut.test(i)) {
       ++result.counts.cutter_points;
       if (!reach.cutter_anywhere.test(i)) {
         const bool beneath = is_beneath_base(sample, settings.tools.ball_radius_mm);
@@ -231,8 +229,7 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
         is_blocked = !beneath;
       }
     }
-    if (sample.needs_nozzle(false)) {
-      to_print.set(i);
+    if (to_print.test(i)) {
       ++result.counts.nozzle_points;
       if (!reach.nozzle_anywhere.test(i)) {
         ++result.counts.nozzle_blocked;
@@ -240,7 +237,12 @@ AuditResult audit(const CellComplex& complex, const AuditSettings& settings) {
       }
     }
     if (!is_blocked) continue;
-    if (const auto original = before_cutting(sample)) result.blocked.push_back(*original);
+    if (const auto original = before_cutting(sample)) {
+      result.blocked.push_back(*original);
+    } else {
+      const std::uint32_t mark = complex.facets[sample.facet].mark;
+      if (mark > 0) result.blocked_caps.push_back(mark - 1);
+    }
     if (result.faults.size() < 20) {
       result.faults.push_back("No tool direction reaches the surface near " + at(sample.position) +
                               ".");

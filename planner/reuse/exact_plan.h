@@ -48,14 +48,12 @@ struct AuditResult {
   ReuseAudit counts;
   std::vector<std::string> faults;         // sentences; none: the plan is feasible
   std::vector<SurfaceSample> blocked;      // as borders of V~_R again, for the search to watch
+  std::vector<std::size_t> blocked_caps;   // slots of the cuts that made the caps, once a sample
   std::vector<std::uint32_t> bad_origins;  // facets of bases that are not plano-convex
   std::vector<PrintingBase> bases;
   std::vector<Vec3> cutter_directions, nozzle_directions;
   bool passed() const { return faults.empty(); }
 };
 AuditResult audit(const CellComplex& complex, const AuditSettings& settings);
-
-// Whether only the table keeps a ball cutter away from the sample.
-bool is_beneath_base(const SurfaceSample& sample, double ball_radius_mm);
 
 }  // namespace reforge

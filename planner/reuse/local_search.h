@@ -25,9 +25,13 @@ struct SearchOptions {
   std::function<bool()> should_stop;  // may be empty; asked often, from two threads
 };
 
-// Feasible clippings found, the best first, at most `most`; begins from `start`, which may be
-// infeasible.
-std::vector<Clipping> local_search(const ClippingModel& model, const Clipping& start,
-                                   const SearchOptions& options, std::size_t most);
+struct SearchResult {
+  std::vector<Clipping> found;  // feasible, the best first
+  long volume_evaluations = 0, feasibility_checks = 0;
+};
+
+// At most `most` are returned. Chains begin from `starts` in turn, which may be infeasible.
+SearchResult local_search(const ClippingModel& model, const std::vector<Clipping>& starts,
+                          const SearchOptions& options, std::size_t most);
 
 }  // namespace reforge

@@ -19,26 +19,27 @@ namespace {
 constexpr int kEvenDirections = 100;
 constexpr double kSampleDistance = 2;  // mm, of S_S and S_A
 constexpr double kReachPitch = 0.5;    // mm
-constexpr int kRounds = 5;             // search, audit, learn
-constexpr std::size_t kAuditsARound = 4;
-constexpr double kGoodEnough = 0.97;  // of the best the search found, for a proven plan to end it
+// The search keeps clear of its sampled obstacles by these shares of their pitch; after a failed
+// audit by another step where it failed.
+constexpr double kClearance = 0.3, kLowered = 0.3, kLearningStep = 0.25;
 
 using Outcome = std::variant<ReusePlan, Infeasible>;
 
 struct Work {  // by effort
   int chains, steps;
   double samples;  // of V~_R
+  int audits;      // at most
 };
 Work work_for(Effort effort) {
   switch (effort) {
     case Effort::kFast:
-      return {2, 1200, 6000};
+      return {2, 1500, 6000, 6};
     case Effort::kDefault:
-      return {4, 4000, 9000};
+      return {4, 5000, 9000, 12};
     case Effort::kHigh:
-      return {12, 8000, 14000};
+      return {16, 20000, 14000, 30};
   }
-  return {4, 4000, 9000};
+  return {4, 5000, 9000, 12};
 }
 
 // One placed pair on its way to a plan.
@@ -70,10 +71,12 @@ class Planning {
   Infeasible infeasible(std::vector<std::string> reasons) const;
   std::optional<Infeasible> prepare();
   std::vector<Vec3> directions_with_bases() const;
-  ClippingModel make_model(int round) const;
-  Clipping start_of(const ClippingModel& model, int round);
-  bool prove(const ClippingModel& model, const Clipping& clipping);
-  void prove_best(const ClippingModel& model, const std::vector<Clipping>& found);
+  ClippingModel make_model() const;
+  Clipping first_stage(const ClippingModel& model);
+  std::vector<Clipping> searched(const ClippingModel& model, const std::vector<Clipping>& starts,
+                                 const SearchOptions& options);
+  bool prove(ClippingModel& model, const Clipping& clipping);
+  void prove_best(ClippingModel& model, std::vector<Clipping> found);
   Outcome finish();
   Result<Outcome> search();
 
@@ -97,11 +100,7 @@ class Planning {
   ReachTable reach_;
   ReusePlan plan_;  // filled as things become known
 
-  // What failed audits taught.
-  std::vector<SurfaceSample> blocked_;
-  std::vector<std::uint32_t> bad_origins_;
-  std::vector<std::string> faults_;
-  std::vector<std::shared_ptr<Cut>> best_cuts_;
+  std::vector<std::string> faults_;  // of the last audit
 
   // The best that stood the audit so far.
   ExactClipping exact_;
@@ -164,9 +163,16 @@ std::optional<Infeasible> Planning::prepare() {
   plan_.base_height_ratio = lowest / bounds(initial_.mesh).max().z();
   samples_ = sample_borders(complex_, is_skin_, kSampleDistance, options_.seed);
   const TriangleMesh* obstacles[] = {&standing_, &fixture_};
-  const std::vector<Vec3> directions = directions_with_bases();
+  BitSet to_cut(samples_.size()), to_print(samples_.size());
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const bool may_go = samples_[i].borders_reused();
+    if (samples_[i].needs_cutter(false) || (may_go && samples_[i].needs_cutter(true)))
+      to_cut.set(i);
+    if (samples_[i].needs_nozzle(false) || (may_go && samples_[i].needs_nozzle(true)))
+      to_print.set(i);
+  }
   reach_ =
-      reach_table(samples_, BitSet(samples_.size()), directions, obstacles, tools_, kReachPitch);
+      reach_of(samples_, to_cut, to_print, directions_with_bases(), obstacles, tools_, kReachPitch);
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     if (is_beneath_base(samples_[i], tools_.ball_radius_mm)) reach_.cutter_anywhere.set(i);
     plan_.inaccessible_cutter_points +=
@@ -184,81 +190,72 @@ std::vector<Vec3> Planning::directions_with_bases() const {
   return directions;
 }
 
-ClippingModel Planning::make_model(int round) const {
-  ClippingOptions options;
-  options.clearance_mm = 0.3 + 0.05 * round;
+ClippingModel Planning::make_model() const {
   const double pitch = std::max(0.4, std::cbrt(volume(standing_) / work_.samples));
-  const std::vector<Vec3> directions = directions_with_bases();
-  ClippingModel model(standing_, pitch, tools_, fixture_, directions, options);
+  ClippingOptions options;
+  options.clearance_mm = kClearance * pitch;
+  options.lowered_mm = kLowered * pitch;
+  ClippingModel model(standing_, pitch, tools_, fixture_, directions_with_bases(), options);
   for (const auto& base : bases_) model.add_base(base, candidate_normals(base, kEvenDirections));
-  model.require(bad_origins_);
-  model.watch(samples_, reach_, false);
-  model.watch(blocked_, reach_, true);
+  model.watch(samples_, reach_);
   model.add_blocker_slots(8);
   model.add_top_slot();
   return model;
 }
 
-// Where the search begins: the set cover's choice, later what the last round ended with.
-Clipping Planning::start_of(const ClippingModel& model, int round) {
-  std::vector<std::shared_ptr<Cut>> cuts(model.slots().size());
-  if (round == 0 || best_cuts_.empty()) {
-    cuts = first_choice(model).cuts;
-  } else {
-    for (std::size_t s = 0; s < std::min(cuts.size(), best_cuts_.size()); ++s) {
-      if (s < bases_.size() && best_cuts_[s]) cuts[s] = model.cut(s, best_cuts_[s]->plane);
-    }
-  }
-  Clipping start = model.combine(std::move(cuts));
+// Where the search begins: the set cover's choice.
+Clipping Planning::first_stage(const ClippingModel& model) {
+  Clipping start = model.combine(first_choice(model).cuts);
   model.count_blocked(start);
-  if (round > 0) return start;
   for (const auto& cut : start.cuts) plan_.global_planes += cut != nullptr;
-  if (auto exact = realise(complex_, model, start)) {
-    plan_.ratio_initialised = volume_of(exact->complex, kReused) / target_volume_;
-  }
+  plan_.ratio_initialised =
+      static_cast<double>(start.kept) * model.samples().voxel_volume() / target_volume_;
   return start;
 }
 
-// Whether the exact volumes of a clipping stand the audit. If not, what was wrong is remembered.
-bool Planning::prove(const ClippingModel& model, const Clipping& clipping) {
-  auto exact = realise(complex_, model, pruned(model, clipping));
+// Whether the exact volumes of a clipping stand the audit. If not, the model learns what was wrong.
+bool Planning::prove(ClippingModel& model, const Clipping& clipping) {
+  ++plan_.effort_spent.audits;
+  const Clipping lean = pruned(model, clipping);
+  auto exact = realise(complex_, model, lean);
   if (!exact) {
+    ++plan_.effort_spent.audits_failed;
     faults_ = {exact.error().sentence};
     return false;
   }
   const AuditSettings settings{
-      tools_,          fixture_,    directions_,      is_skin_, options_.mode == Mode::kPaper,
-      kSampleDistance, kReachPitch, options_.seed + 1};
+      tools_,
+      fixture_,
+      directions_,
+      is_skin_,
+      options_.mode == Mode::kPaper,
+      kSampleDistance,
+      kReachPitch,
+      options_.seed + static_cast<std::uint64_t>(plan_.effort_spent.audits)};
   AuditResult audited = audit(exact->complex, settings);
   if (!audited.passed()) {
+    ++plan_.effort_spent.audits_failed;
     faults_ = audited.faults;
-    blocked_.insert(blocked_.end(), audited.blocked.begin(), audited.blocked.end());
-    bad_origins_.insert(bad_origins_.end(), audited.bad_origins.begin(), audited.bad_origins.end());
+    const double step = kLearningStep * model.samples().grid.pitch_mm;
+    model.require(audited.bad_origins);
+    model.watch_closely(audited.blocked, 2 * step);
+    std::sort(audited.blocked_caps.begin(), audited.blocked_caps.end());
+    audited.blocked_caps.erase(
+        std::unique(audited.blocked_caps.begin(), audited.blocked_caps.end()),
+        audited.blocked_caps.end());
+    for (const auto slot : audited.blocked_caps) model.widen_caps(slot, step);
     return false;
   }
   const double share = volume_of(exact->complex, kReused) / target_volume_;
   if (share > proven_) {
     proven_ = share;
+    plan_.sampled_error =
+        static_cast<double>(lean.kept) * model.samples().voxel_volume() / (share * target_volume_) -
+        1;
     exact_ = std::move(*exact);
     proof_ = std::move(audited);
   }
   return true;
-}
-
-// Audits the best clippings, clearly different ones, until one passes.
-void Planning::prove_best(const ClippingModel& model, const std::vector<Clipping>& found) {
-  std::size_t audits = 0, last_kept = 0;
-  for (const Clipping& clipping : found) {
-    const double share =
-        static_cast<double>(clipping.kept) * model.samples().voxel_volume() / target_volume_;
-    if (audits >= kAuditsARound || share < proven_) return;
-    if (audits > 0 && static_cast<double>(clipping.kept) > 0.99 * static_cast<double>(last_kept))
-      continue;
-    last_kept = clipping.kept;
-    ++audits;
-    report("audit", proven_);
-    if (prove(model, clipping)) return;
-  }
 }
 
 Outcome Planning::finish() {
@@ -293,48 +290,97 @@ Outcome Planning::finish() {
   return plan_;
 }
 
-Result<Outcome> Planning::search() {
-  for (int round = 0; round < kRounds; ++round) {
-    std::optional<ClippingModel> model;
-    std::optional<Clipping> start;
+// All clippings again under what the model has learned; those still feasible, the best first.
+std::vector<Clipping> reconsidered(const ClippingModel& model, std::vector<Clipping> clippings) {
+  for (Clipping& clipping : clippings) {
+    for (auto& cut : clipping.cuts) {
+      if (cut) cut = model.afresh(*cut);
+    }
+    clipping = model.combine(std::move(clipping.cuts));
+    model.count_blocked(clipping);
+  }
+  std::erase_if(clippings, [](const Clipping& clipping) { return !clipping.feasible(); });
+  std::stable_sort(clippings.begin(), clippings.end(),
+                   [](const Clipping& a, const Clipping& b) { return a.kept > b.kept; });
+  return clippings;
+}
+
+// Audits the best clipping; what fails is mended by a short search near it, until the best that is
+// left has been proven.
+void Planning::prove_best(ClippingModel& model, std::vector<Clipping> found) {
+  for (int attempt = 0; attempt < work_.audits && !found.empty(); ++attempt) {
+    const Clipping best = found.front();
+    const double share =
+        static_cast<double>(best.kept) * model.samples().voxel_volume() / target_volume_;
+    if (share <= proven_) return;
     {
-      StageTimer timer(times_, "init");
-      model = make_model(round);
-      start = start_of(*model, round);
+      StageTimer timer(times_, "audit");
+      report("audit", proven_);
+      if (prove(model, best)) return;
     }
     StageTimer timer(times_, "search");
-    std::vector<Clipping> found;
-    const bool nothing_to_do = start->feasible() && start->kept == model->samples().size();
-    if (nothing_to_do) {
-      found.push_back(*start);
-    } else {
-      report("search", proven_);
-      SearchOptions search;
-      search.seed = options_.seed + static_cast<std::uint64_t>(round) * 101;
-      search.chains = work_.chains;
-      search.steps = round == 0 ? work_.steps : work_.steps / 2;
-      search.heat = round == 0 ? 1 : 0.25;  // later rounds mend what the audit found
-      search.should_stop = [this] { return stop(); };
-      found = local_search(*model, *start, search, 40);
+    SearchOptions mend;
+    mend.seed = options_.seed + 101 * static_cast<std::uint64_t>(attempt + 1);
+    mend.chains = 2;
+    mend.steps = work_.steps / 8;
+    mend.heat = 0.15;
+    mend.should_stop = [this] { return stop(); };
+    Clipping again;
+    for (const auto& cut : best.cuts) again.cuts.push_back(cut ? model.afresh(*cut) : nullptr);
+    again = model.combine(std::move(again.cuts));
+    model.count_blocked(again);
+    auto mended = searched(model, {again}, mend);
+    if (found.size() > 20) found.resize(20);
+    found.insert(found.end(), std::make_move_iterator(mended.begin()),
+                 std::make_move_iterator(mended.end()));
+    found = reconsidered(model, std::move(found));
+    if (found.empty()) {
+      if (auto offset = feasible_offset(model, again)) found.push_back(std::move(*offset));
+    }
+  }
+}
+
+std::vector<Clipping> Planning::searched(const ClippingModel& model,
+                                         const std::vector<Clipping>& starts,
+                                         const SearchOptions& options) {
+  SearchResult result = local_search(model, starts, options, 40);
+  plan_.effort_spent.volume_evaluations += result.volume_evaluations;
+  plan_.effort_spent.feasibility_checks += result.feasibility_checks;
+  return std::move(result.found);
+}
+
+Result<Outcome> Planning::search() {
+  std::optional<ClippingModel> model;
+  std::optional<Clipping> start;
+  {
+    StageTimer timer(times_, "init");
+    model = make_model();
+    start = first_stage(*model);
+  }
+  std::vector<Clipping> found;
+  if (start->feasible() && start->kept == model->samples().size()) {
+    found.push_back(*start);
+  } else {
+    StageTimer timer(times_, "search");
+    report("search", 0);
+    SearchOptions search;
+    search.seed = options_.seed;
+    search.chains = work_.chains;
+    search.steps = work_.steps;
+    search.should_stop = [this] { return stop(); };
+    found = searched(*model, {*start}, search);
+    if (found.empty()) {
       if (auto offset = feasible_offset(*model, *start)) found.push_back(std::move(*offset));
     }
-    std::stable_sort(found.begin(), found.end(),
-                     [](const Clipping& a, const Clipping& b) { return a.kept > b.kept; });
-    if (!found.empty()) best_cuts_ = found.front().cuts;
-    prove_best(*model, found);
-    // A better one that only the audit refused may be mended now that more is known.
-    const double hoped = found.empty() ? 0
-                                       : static_cast<double>(found.front().kept) *
-                                             model->samples().voxel_volume() / target_volume_;
-    if (proven_ > 0 && (proven_ >= kGoodEnough * hoped || stop())) break;
-    if (found.empty() && faults_.empty()) {
-      faults_.push_back("With every position of the planes tried, " +
-                        std::to_string(start->blocked) + " points stay out of reach and " +
-                        std::to_string(start->uncovered) + " printing bases cannot be replaced.");
-    }
-    if (proven_ == 0 && options_.should_stop && options_.should_stop()) {
-      return Error{Code::kInterrupted, "Stopped before a feasible plan was found."};
-    }
+  }
+  if (found.empty()) {
+    faults_.push_back("With every position of the planes tried, " + std::to_string(start->blocked) +
+                      " points stay out of reach and " + std::to_string(start->uncovered) +
+                      " printing bases cannot be replaced.");
+  }
+  prove_best(*model, std::move(found));
+  if (proven_ == 0 && options_.should_stop && options_.should_stop()) {
+    return Error{Code::kInterrupted, "Stopped before a feasible plan was found."};
   }
   if (proven_ > 0) return finish();
   return Outcome(infeasible(faults_));

@@ -46,6 +46,13 @@ struct ReuseAudit {
   int bases = 0, bases_not_plano_convex = 0;  // none of the latter in a feasible plan
 };
 
+// How much the search did.
+struct EffortSpent {
+  long volume_evaluations = 0;  // clippings whose kept volume was counted
+  long feasibility_checks = 0;  // of them, those tested against every watched and cap point
+  int audits = 0, audits_failed = 0;
+};
+
 struct ReusePlan {
   TriangleMesh initial, target;  // M, M*: placed
   Placement initial_placement, target_placement;
@@ -72,6 +79,8 @@ struct ReusePlan {
   double ratio_final = 0;              // R_F = V_R / M*
   int global_planes = 0;               // C_b: planes of the first stage
   int local_planes = 0;                // C_a: local planes in the end
+  double sampled_error = 0;            // sampled V_R / exact V_R - 1
+  EffortSpent effort_spent;
 };
 
 // No plan exists under the constraints: what stays uncovered or blocked, in sentences. The volumes
