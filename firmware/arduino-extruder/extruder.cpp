@@ -218,7 +218,8 @@ void Extruder::refresh(Authority authority, uint32_t now_ms) {
 void Extruder::tick(bool filament_present, uint32_t now_ms) {
   filament_present_ = filament_present || settings_.get(Setting::kFilamentSensor) == 0;
   feeder_.tick();
-  if (retracted() < 0) front_ = feeder_.position();
+  const int32_t position = feeder_.position();
+  if (position > front_) front_ = position;
   if (state_ != State::kFault) watch(now_ms);
   if (state_ != State::kFault) advance(now_ms);
 }
@@ -282,11 +283,7 @@ void Extruder::advance(uint32_t now_ms) {
       }
       if (retreating_ && now_ms - since_ms_ >= travel) enter(State::kClosed, false);
       break;
-    case State::kClosed:
-    case State::kReady:
-    case State::kStandby:
-    case State::kFault:
-    case State::kRetracted:
+    default:  // nothing is under way
       break;
   }
 }

@@ -53,7 +53,10 @@ class Extruder {
   bool run_permitted() const { return run_permitted_; }
   bool filament_present() const { return filament_present_; }
   int32_t position() const { return feeder_.position(); }
-  int32_t retracted() const { return front_ - feeder_.position(); }
+  int32_t retracted() const {
+    const int32_t behind = front_ - feeder_.position();
+    return behind > 0 ? behind : 0;  // ahead of it until the next tick
+  }
   int32_t speed() const { return state_ == wire::State::kExtruding ? speed_ : 0; }
   int16_t temperature() const;
 

@@ -29,7 +29,6 @@ void Terminal::receive(uint8_t byte, uint32_t now_ms) {
     if (!too_long) line_[length_] = 0;
     length_ = 0;
     if (empty) return;
-    extruder_.refresh(Authority::kTerminal, now_ms);
     if (too_long) {
       answer(Reason::kUnknownCommand);
     } else {
@@ -43,12 +42,16 @@ void Terminal::receive(uint8_t byte, uint32_t now_ms) {
 }
 
 void Terminal::line(uint32_t now_ms) {
-  if (line_[0] == '?') return state();
+  if (line_[0] == '?' && line_[1] == 0) {
+    extruder_.refresh(Authority::kTerminal, now_ms);
+    return state();
+  }
   // M70-M75 alone mean anything with an order under way.
   Reason reason = Reason::kUnknownCommand;
   bool order = false;
   if (line_[0] == 'M' && line_[1] == '7' && line_[2] >= '0' && line_[2] <= '5' &&
       !digit(line_[3])) {
+    extruder_.refresh(Authority::kTerminal, now_ms);
     const bool stops = line_[2] == '1' || line_[2] == '3';
     if (stops || !settings_.get(wire::Setting::kInStream)) {
       reason = waiting_ && !stops ? Reason::kBusy : m_code(now_ms);
@@ -58,6 +61,7 @@ void Terminal::line(uint32_t now_ms) {
     order = true;
   } else if (line_[0] == 'C' && line_[1] == 'L' && line_[2] == 'E' && line_[3] == 'A' &&
              line_[4] == 'R' && line_[5] == 0) {
+    extruder_.refresh(Authority::kTerminal, now_ms);
     reason = waiting_ ? Reason::kBusy : extruder_.clear_fault(now_ms);
   }
   if (reason != Reason::kNone || !order) return answer(reason);

@@ -2,6 +2,7 @@
 // link").
 //
 // M72 needs a length here, since a person sends no heartbeat. `ok` comes when the order has ended.
+// Only a line that is understood is a sign of life: pieces of spoiled frames end up here as well.
 #pragma once
 
 #include <stdint.h>

@@ -66,6 +66,10 @@ void Desk::greet() {
 void Desk::drain() {
   uint8_t byte;
   while (out.pop(byte)) {
+    if (tapped_) {
+      bytes_ += static_cast<char>(byte);
+      continue;
+    }
     if (!decoder_.push(byte)) text_ += static_cast<char>(byte);
     wire::Frame frame;
     while (decoder_.take(frame)) frames_.push_back(frame);
@@ -74,6 +78,9 @@ void Desk::drain() {
 
 std::vector<wire::Frame> Desk::take_frames() {
   return std::exchange(frames_, {});
+}
+std::string Desk::take_bytes() {
+  return std::exchange(bytes_, {});
 }
 std::string Desk::take_text() {
   return std::exchange(text_, {});

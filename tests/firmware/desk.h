@@ -25,7 +25,8 @@ class StepTimer {
  public:
   explicit StepTimer(firmware::Feeder& feeder) : feeder_(feeder) {}
   void run(uint32_t ticks);
-  // Ticks since the beginning at which steps were made.
+  // Ticks since the beginning at which steps were made; kept until forgotten.
+  void forget_steps() { steps_.clear(); }
   const std::vector<uint64_t>& steps() const { return steps_; }
   int64_t position() const { return position_; }
 
@@ -57,6 +58,9 @@ class Desk {
   void greet();  // hello, and its banner taken
   std::vector<wire::Frame> take_frames();
   std::string take_text();
+  // Or all bytes as they came, for a host of its own; from the first call of tap() on.
+  void tap() { tapped_ = true; }
+  std::string take_bytes();
 
   // M70 at 205 C, done.
   void open_hot();
@@ -79,6 +83,8 @@ class Desk {
   wire::Decoder decoder_;
   std::vector<wire::Frame> frames_;
   std::string text_;
+  bool tapped_ = false;
+  std::string bytes_;
   uint32_t slot_ms_ = 0;
 };
 
