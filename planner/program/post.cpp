@@ -106,8 +106,9 @@ class Post {
     if (block.kind == BlockKind::kMill) close_module();
     out_.comment("block " + std::string(name) + " " + what + " direction " + fixed(d.x(), 6) + " " +
                  fixed(d.y(), 6) + " " + fixed(d.z(), 6));
+    out_.comment(work_of(block));
     figures_ = {};
-    figures_.angles = angles_ = choice->angles;
+    figures_.angles = angles_ = as_written(choice->angles);
     out_.rapid_z(safe_z_);
     out_.turn(angles_.tilt.in_degrees(), angles_.c.in_degrees());
     open(block.kind);
@@ -130,6 +131,35 @@ class Post {
     figures_.paths = static_cast<int>(block.paths.size());
     program_.blocks.push_back(figures_);
     return Unit{};
+  }
+
+  // What the block is to do, in the part frame, for whoever reads the program back: length and
+  // centroid of the path that cuts or deposits, and the volume of the beads.
+  std::string work_of(const BlockToolpath& block) const {
+    double length = 0;
+    Vec3 moment = Vec3::Zero();
+    for (const Path& path : block.paths) {
+      for (size_t i = 1; i < path.moves.size(); ++i) {
+        const Motion motion = path.moves[i].motion;
+        if (motion == Motion::kRapid || motion == Motion::kCoast) continue;
+        const Vec3 &a = path.moves[i - 1].to, &b = path.moves[i].to;
+        length += (b - a).norm();
+        moment += 0.5 * (b - a).norm() * (a + b);
+      }
+    }
+    const Vec3 about = length > 0 ? block.frame.to_part(Vec3(moment / length)) : Vec3(Vec3::Zero());
+    const double section = rig_.extrusion.bead_width_mm * rig_.extrusion.layer_height_mm;
+    const double beads = block.kind == BlockKind::kPrint ? length * section : 0;
+    return "work " + fixed(length, 3) + " about X" + fixed(about.x(), 6) + " Y" +
+           fixed(about.y(), 6) + " Z" + fixed(about.z(), 6) + " beads " + fixed(beads, 3);
+  }
+
+  // The angles that stand in the text are the ones that coordinates are computed for.
+  static RotaryAngles as_written(const RotaryAngles& angles) {
+    const auto rounded = [](Radians angle) {
+      return Radians::degrees(std::round(angle.in_degrees() * 1000) / 1000);
+    };
+    return {rounded(angles.tilt), rounded(angles.c)};
   }
 
   Point<MachineFrame> programmed(const Vec3& tip) const {

@@ -21,7 +21,8 @@ class ExtruderRules {
   // An M70-M75; `before` is the modal state ahead of the line.
   void module_code(const gcode::Action& action, const gcode::ModalState& before, const Place& place,
                    const Vec3& at);
-  // A straight move of the linear axes with the module open. Returns the bead's width, 0 for none.
+  // A straight move of the linear axes with the module open. Returns the bead's width (its section
+  // over the layer height), 0 for none.
   double move(const gcode::ModalState& state, bool rapid, double feed_mm_per_s, const Vec3& delta,
               const Place& place, const Vec3& at);
   void rotary(const gcode::ModalState& state, const Place& place, const Vec3& at);

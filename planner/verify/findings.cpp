@@ -69,6 +69,10 @@ std::string_view name_of(Fault fault) {
       return "not_printed";
     case Fault::kLeftOver:
       return "left_over";
+    case Fault::kStarvation:
+      return "starvation";
+    case Fault::kNotAsPlanned:
+      return "not_as_planned";
   }
   assert(false);
   return "";

@@ -46,8 +46,10 @@ enum class Fault {
   kDeviation,          // the finished part lacks material it should have
   kNotPrinted,         // a good part of what was to be added has no bead near
   kLeftOver,           // a lump that was to be milled away is still there
+  kStarvation,         // segments shorter in time than the link can carry
+  kNotAsPlanned,       // a block whose lines do not do what its comment says was planned
 };
-constexpr std::size_t kFaults = static_cast<std::size_t>(Fault::kLeftOver) + 1;
+constexpr std::size_t kFaults = static_cast<std::size_t>(Fault::kNotAsPlanned) + 1;
 
 std::string_view name_of(Fault fault);  // "rapid_in_material"
 

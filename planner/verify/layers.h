@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "planner/verify/columns.h"
@@ -35,13 +36,14 @@ class BoundsPyramid {
   };
   // A range that holds every cell of the rectangle (inclusive, inside the grid).
   Range over(int i0, int j0, int i1, int j1) const;
+  std::size_t bytes() const;
 
  private:
   struct Level {
     int width, height;
     std::vector<Range> nodes;
   };
-  std::vector<Level> levels_;
+  std::vector<Level> levels_;  // levels_[0]: 2 x 2 cells
 };
 
 // A straight line in a layer's view: x, y in cells from the layer rectangle's first cell centre,
@@ -49,6 +51,12 @@ class BoundsPyramid {
 struct LayerLine {
   double x, y, w;     // at t = 0
   double dx, dy, dw;  // per mm
+};
+
+// The stretch [t0, t1] of a line that is asked about; nothing if t0 >= t1.
+struct LineStretch {
+  LayerLine line;
+  double t0, t1;
 };
 
 // Everything above `surface` was removed along w; +infinity where nothing was.
@@ -59,8 +67,9 @@ class CutLayer {
   const View& view() const { return view_; }
   const CellRect& rect() const { return rect_; }
   std::size_t bytes() const;
-  // Appends to `removed` the parts of [t0, t1] that were cut, ascending.
-  void removed_on(const LayerLine& line, double t0, double t1, Intervals& removed) const;
+  // For lines that run side by side (same dx, dy, dw; the closer the cheaper): removed[k] receives
+  // the parts of line k's stretch that were cut, ascending.
+  void removed_on(std::span<const LineStretch> lines, std::span<Intervals> removed) const;
 
  private:
   double surface(double x, double y) const;  // bilinear between cell centres, but at walls
@@ -80,8 +89,9 @@ class DepositLayer {
   const CellRect& rect() const { return rect_; }
   const Columns& columns() const { return columns_; }
   std::size_t bytes() const;
-  // Unites with `deposited` the parts of [t0, t1] that lie in the deposit.
-  void added_on(const LayerLine& line, double t0, double t1, Intervals& deposited) const;
+  // For lines that run side by side: unites with deposited[k] the parts of line k's stretch that
+  // lie in the deposit.
+  void added_on(std::span<const LineStretch> lines, std::span<Intervals> deposited) const;
 
  private:
   void add_in_cell(const LayerLine& line, double t0, double t1, Intervals& deposited) const;

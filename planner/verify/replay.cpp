@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -16,6 +17,9 @@ constexpr double kLimitSlack = 1e-3;  // mm and degrees: decimals in the program
 constexpr double kDecimals = 1e-3;    // mm
 constexpr double kFeedLeast_mm_per_s = 0.1;
 constexpr double kBaseSlack = 0.05;  // mm
+constexpr double kWaitLeast_s = 2e-3;
+constexpr double kAnyMachine = 1e4;  // mm and degrees: nothing beyond is simulated
+constexpr double kSpinUpSlack_s = 0.01;
 constexpr std::size_t kLinesPerReport = 2048;
 
 double radians(double degrees) {
@@ -44,6 +48,8 @@ Replay::Replay(const RigDescription& rig, Mode mode, const std::string& stock_sh
       tools_(tools_of(rig, mode)),
       extruder_(rig.extrusion, findings),
       time_(rig),
+      link_(rig.cnc),
+      planned_(findings),
       pose_(pose_at(rig.kinematics, 0, 0)) {}
 
 Pose Replay::pose_of(const ModalState& state) const {
@@ -90,12 +96,17 @@ Result<ReplayOutcome> Replay::run(std::istream& program, const ReplayOptions& op
       if (in_header) header_.take(line);
     }
     if (const std::optional<BlockComment> block = block_comment(line.comment)) {
+      planned_.begin(block->number, line.number);
       place_.block = block->number;
       announced_ = block->direction;
       outcome_.blocks = std::max(outcome_.blocks, block->number);
     }
-    if (line.empty()) continue;
+    if (line.empty()) {
+      planned_.comment(line.comment, line.number);
+      continue;
+    }
     place_.line = line.number;
+    unmoved_bytes_ += bytes_sent(line);
     const ModalState before = state_;
     const Result<gcode::Action> action = gcode::apply(line, reader.dialect(), state_);
     if (!action) {
@@ -111,6 +122,30 @@ Result<ReplayOutcome> Replay::run(std::istream& program, const ReplayOptions& op
   return outcome_;
 }
 
+// Whether the link kept up with the moves whose durations are known by now.
+void Replay::settle_link(bool at_rest) {
+  const std::vector<double>& durations = time_.durations();
+  for (std::size_t k = 0; k < durations.size(); ++k) {
+    const Sent& sent = sent_[k];
+    const double waited = link_.segment(sent.bytes, durations[k]);
+    waited_s_ += waited;
+    if (waited <= 0 || waited_s_ < kWaitLeast_s) continue;
+    findings_.add(Fault::kStarvation, sent.place.line, sent.place.block, sent.at, 0, [&] {
+      char text[160];
+      std::snprintf(text, sizeof text,
+                    "the link brings at most %d bytes a second: in mid-path the machine has stood "
+                    "still for %.1f ms, waiting for lines",
+                    rig_.cnc.baud / 10, waited_s_ * 1e3);
+      return std::string(text);
+    });
+  }
+  sent_.erase(sent_.begin(), sent_.begin() + static_cast<std::ptrdiff_t>(durations.size()));
+  time_.forget_durations();
+  if (!at_rest) return;
+  link_.barrier();
+  waited_s_ = 0;
+}
+
 void Replay::interpret(const gcode::Action& action, const ModalState& before) {
   if (action.spindle_changed) spindle();
   switch (action.kind) {
@@ -121,6 +156,7 @@ void Replay::interpret(const gcode::Action& action, const ModalState& before) {
       break;
     case gcode::Action::Kind::kDwell:
       time_.dwell(action.dwell_s);
+      pass_time(action.dwell_s);
       extruder_.dwell(state_, action.dwell_s);
       break;
     case gcode::Action::Kind::kModule:
@@ -130,10 +166,18 @@ void Replay::interpret(const gcode::Action& action, const ModalState& before) {
       time_.dwell(0);
       break;
   }
+  const bool moves = action.kind == gcode::Action::Kind::kMove;
+  const bool turns = moves && (action.moved[3] || action.moved[4]);
+  const bool rests = !moves ? action.kind != gcode::Action::Kind::kNothing : turns;
+  if (rests || action.spindle_changed || !time_.durations().empty()) {
+    settle_link(rests || action.spindle_changed);
+  }
+  if (rests) unmoved_bytes_ = 0;
 }
 
 void Replay::spindle() {
   time_.dwell(0);
+  spin_up_left_s_ = rig_.spindle.spin_up_s;
   if (state_.spindle == gcode::Spindle::kOff) return;
   const double rpm = state_.spindle_rpm.value_or(0);
   const double beyond = std::max(rig_.spindle.min_rpm - rpm, rpm - rig_.spindle.max_rpm);
@@ -230,6 +274,15 @@ void Replay::move(const gcode::Action& action, const ModalState& before) {
   const bool turns = action.moved[3] || action.moved[4];
   const bool shifts = action.moved[0] || action.moved[1] || action.moved[2];
   judge_limits(state_);
+  for (const ModalState* state : {&before, static_cast<const ModalState*>(&state_)}) {
+    for (const std::optional<double>& place : state->position) {
+      if (!place || std::fabs(*place) <= kAnyMachine) continue;
+      findings_.add(Fault::kAxisLimit, place_.line, place_.block, Vec3::Zero(), kAnyMachine, [&] {
+        return "a place of " + millimetres(*place) + " is on no machine; not simulated";
+      });
+      return;
+    }
+  }
   if (state_.wcs != 54) {
     findings_.add(Fault::kHeader, place_.line, place_.block, part_position(), 0, [&] {
       return "G" + std::to_string(state_.wcs) + ": the part is clamped at G54";
@@ -254,7 +307,7 @@ void Replay::rotary(const ModalState& before, bool alone) {
   // The controller may run both axes in step or each at its own rate: all of the way in steps of 5
   // degrees of either.
   const double way = std::max(std::fabs(tilt1 - tilt0), std::fabs(c1 - c0));
-  const int steps = std::clamp(static_cast<int>(std::ceil(way / radians(5))), 1, 144);
+  const int steps = static_cast<int>(std::clamp(std::ceil(way / radians(5)), 1.0, 144.0));
   double top = -std::numeric_limits<double>::infinity();
   if (tilt0 == tilt1) {  // heights do not change while only C turns at no tilt
     for (int k = 0; k <= (tilt0 == 0 ? 0 : steps); ++k) {
@@ -333,16 +386,21 @@ void Replay::linear(const ModalState& before) {
   if (!rapid) judge_direction();
   const double feed = rapid ? 0 : *state_.feed_mm_per_min / 60.0;
   time_.move({delta.x(), delta.y(), delta.z()}, rapid ? std::nullopt : std::optional<double>(feed));
-  SceneMove m{pose_,
-              *from,
-              *to,
-              rapid,
-              state_.module_open,
-              state_.spindle != gcode::Spindle::kOff,
-              0,
-              rig_.extrusion.layer_height_mm};
+  sent_.push_back({unmoved_bytes_, place_, at});
+  unmoved_bytes_ = 0;
+  const bool at_speed = state_.spindle != gcode::Spindle::kOff && spin_up_left_s_ <= kSpinUpSlack_s;
+  pass_time(delta.norm() / (rapid ? rig_.z.rapid_mm_per_s : feed));
+  SceneMove m{
+      pose_, *from, *to, rapid, state_.module_open, at_speed, 0, rig_.extrusion.layer_height_mm};
   if (state_.module_open || state_.extruding) {
     m.bead_width = extruder_.move(state_, rapid, feed, delta, place_, at);
+  }
+  if (m.bead_width > 0) {
+    const Vec3 offset = pose_.turn * tools_.nozzle_deployed.offset;
+    planned_.add(pose_.to_part(*from) + offset, at + offset,
+                 m.bead_width * m.bead_height * delta.norm());
+  } else if (!rapid && !state_.module_open) {
+    planned_.add(pose_.to_part(*from), at, 0);
   }
   if (!rapid && (mode_ == Mode::kPaper || !fixture_)) {
     Vec3 offset = Vec3::Zero();
@@ -359,6 +417,9 @@ void Replay::linear(const ModalState& before) {
 
 void Replay::end(bool complete) {
   scene_.finish();
+  planned_.end(outcome_.lines);
+  outcome_.seconds = time_.seconds();
+  settle_link(true);
   header_.compare(rig_, mode_, stock_sha256_, findings_);
   const auto fault = [&](const char* sentence) {
     findings_.add(Fault::kEndState, outcome_.lines, place_.block, part_position(), 0,
@@ -373,7 +434,6 @@ void Replay::end(bool complete) {
       fault("the program ends with the spindle turning: M5 is missing");
     }
   }
-  outcome_.seconds = time_.seconds();
   outcome_.filament_mm = extruder_.filament_mm();
   outcome_.flow_mm3 = extruder_.flow_mm3();
 }

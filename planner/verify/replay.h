@@ -10,6 +10,8 @@
 #include <istream>
 
 #include "planner/verify/extruder_rules.h"
+#include "planner/verify/link_model.h"
+#include "planner/verify/planned_work.h"
 #include "planner/verify/program_header.h"
 #include "planner/verify/scene.h"
 #include "planner/verify/time_model.h"
@@ -49,6 +51,8 @@ class Replay {
   void module_code(const gcode::Action& action, const gcode::ModalState& before);
   void spindle();
   void end(bool complete);
+  void settle_link(bool at_rest);
+  void pass_time(double seconds) { spin_up_left_s_ -= seconds; }
   void low(Fault fault, double swept_top, const char* what);
   double tools_lowest(const Vec3& programmed, bool module_open) const;
   double highest_at(const Pose& pose) const;
@@ -65,6 +69,17 @@ class Replay {
   ToolBodies tools_;
   ExtruderRules extruder_;
   TimeModel time_;
+  LinkModel link_;
+  struct Sent {
+    std::size_t bytes;
+    Place place;
+    Vec3 at;
+  };
+  std::vector<Sent> sent_;         // moves whose durations are not known yet
+  std::size_t unmoved_bytes_ = 0;  // of the lines since the last move
+  double waited_s_ = 0;            // for lines, since the last barrier
+  PlannedWork planned_;
+  double spin_up_left_s_ = 0;  // until the spindle is at speed
   ProgramHeader header_;
   gcode::ModalState state_;
   Pose pose_;

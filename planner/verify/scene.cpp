@@ -190,7 +190,7 @@ void Scene::mill(const Local& local) {
     }
   } else if (!m.spindle_on) {
     check_ball(Fault::kSpindleOff, r, local, stock,
-               "with the spindle stopped the cutter enters the ");
+               "with the spindle stopped, or not yet at speed, the cutter enters the ");
   }
   if (solid.envelope) check_body(tools_.holder, Fault::kHolderCollision, local, solid);
   if (strict) {

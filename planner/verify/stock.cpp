@@ -1,6 +1,8 @@
 #include "planner/verify/stock.h"
 
+#include <array>
 #include <cmath>
+#include <utility>
 
 namespace reforge::verify {
 namespace {
@@ -31,16 +33,34 @@ class LineMap {
   CellRect rect_;
 };
 
-void cut(const CutLayer& layer, const LayerLine& line, Intervals& material, Intervals& scratch,
-         Intervals& removed) {
-  if (material.empty()) return;
-  removed.clear();
-  layer.removed_on(line, static_cast<double>(material.front().lo),
-                   static_cast<double>(material.back().hi), removed);
-  if (removed.empty()) return;
-  subtract(material, removed, scratch);
-  material.swap(scratch);
-}
+constexpr int kTile = 8;      // columns walked together, each way
+constexpr double kFar = 1e4;  // mm, beyond any part
+
+// A tile of columns on their way through the layers.
+struct Tile {
+  std::array<Intervals, kTile * kTile> original, deposited, removed;
+  std::vector<LineStretch> lines;
+  Intervals scratch;
+
+  void cut(const CutLayer& layer, std::array<Intervals, kTile * kTile>& material) {
+    for (std::size_t k = 0; k < lines.size(); ++k) {
+      removed[k].clear();
+      const bool none = material[k].empty();
+      lines[k].t0 = none ? 0.0 : static_cast<double>(material[k].front().lo);
+      lines[k].t1 = none ? 0.0 : static_cast<double>(material[k].back().hi);
+    }
+    layer.removed_on(lines, removed);
+    for (std::size_t k = 0; k < lines.size(); ++k) {
+      if (removed[k].empty()) continue;
+      subtract(material[k], removed[k], scratch);
+      material[k].swap(scratch);
+    }
+  }
+  void add(const DepositLayer& layer) {
+    for (LineStretch& s : lines) s.t0 = -kFar, s.t1 = kFar;
+    layer.added_on(lines, deposited);
+  }
+};
 
 }  // namespace
 
@@ -54,24 +74,48 @@ Material Stock::columns(const View& view) const {
   Material material;
   material.original.reserve(view.cells(), cast.intervals());
   material.deposited.reserve(view.cells(), 0);
-  constexpr double kFar = 1e4;  // mm, beyond any part
-  Intervals original, deposited, scratch, removed;
-  for (int j = 0; j < view.nv; ++j) {
-    for (int i = 0; i < view.nu; ++i) {
-      const auto solid = cast.at(view.cell(i, j));
-      original.assign(solid.begin(), solid.end());
-      deposited.clear();
-      for (std::size_t k = 0; k < layers_.size(); ++k) {
-        const LayerLine line = maps[k].at(view.u(i), view.v(j));
-        if (const auto* cutting = std::get_if<CutLayer>(&layers_[k])) {
-          cut(*cutting, line, original, scratch, removed);
-          cut(*cutting, line, deposited, scratch, removed);
+  Tile tile;
+  // A band of rows is walked tile by tile, and then handed on row by row.
+  std::vector<Intervals> original(static_cast<std::size_t>(view.nu) * kTile), deposited(original);
+  for (int j0 = 0; j0 < view.nv; j0 += kTile) {
+    const int rows = std::min(kTile, view.nv - j0);
+    for (int i0 = 0; i0 < view.nu; i0 += kTile) {
+      const int width = std::min(kTile, view.nu - i0);
+      const auto slot = [&](std::size_t k) {
+        const int j = static_cast<int>(k) / width, i = i0 + static_cast<int>(k) % width;
+        return std::pair(i, j);
+      };
+      const auto count = static_cast<std::size_t>(rows * width);
+      tile.lines.resize(count);
+      for (std::size_t k = 0; k < count; ++k) {
+        const auto [i, j] = slot(k);
+        const auto solid = cast.at(view.cell(i, j0 + j));
+        tile.original[k].assign(solid.begin(), solid.end());
+        tile.deposited[k].clear();
+      }
+      for (std::size_t l = 0; l < layers_.size(); ++l) {
+        for (std::size_t k = 0; k < count; ++k) {
+          const auto [i, j] = slot(k);
+          tile.lines[k].line = maps[l].at(view.u(i), view.v(j0 + j));
+        }
+        if (const auto* cutting = std::get_if<CutLayer>(&layers_[l])) {
+          tile.cut(*cutting, tile.original);
+          tile.cut(*cutting, tile.deposited);
         } else {
-          std::get<DepositLayer>(layers_[k]).added_on(line, -kFar, kFar, deposited);
+          tile.add(std::get<DepositLayer>(layers_[l]));
         }
       }
-      material.original.push(original);
-      material.deposited.push(deposited);
+      for (std::size_t k = 0; k < count; ++k) {
+        const auto [i, j] = slot(k);
+        const auto to = static_cast<std::size_t>(j) * static_cast<std::size_t>(view.nu) +
+                        static_cast<std::size_t>(i);
+        original[to].swap(tile.original[k]);
+        deposited[to].swap(tile.deposited[k]);
+      }
+    }
+    for (std::size_t k = 0; k < static_cast<std::size_t>(rows) * view.nu; ++k) {
+      material.original.push(original[k]);
+      material.deposited.push(deposited[k]);
     }
   }
   return material;

@@ -70,8 +70,9 @@ void TimeModel::rest() {
     const Segment& s = pending_[k];
     double leave_squared = k + 1 < pending_.size() ? pending_[k + 1].entry_squared : 0.0;
     leave_squared = std::min(leave_squared, entry_squared + 2 * s.acceleration * s.length);
-    seconds_ += trapezoid(s.length, std::sqrt(entry_squared), std::sqrt(leave_squared), s.speed,
-                          s.acceleration);
+    durations_.push_back(trapezoid(s.length, std::sqrt(entry_squared), std::sqrt(leave_squared),
+                                   s.speed, s.acceleration));
+    seconds_ += durations_.back();
     entry_squared = leave_squared;
   }
   pending_.clear();

@@ -27,6 +27,10 @@ class TimeModel {
 
   double seconds();  // so far, at rest
 
+  // Durations of the moves that came to their end since the last call, in order.
+  const std::vector<double>& durations() const { return durations_; }
+  void forget_durations() { durations_.clear(); }
+
  private:
   struct Segment {
     double length;
@@ -39,6 +43,7 @@ class TimeModel {
 
   const RigDescription& rig_;
   std::vector<Segment> pending_;
+  std::vector<double> durations_;
   double seconds_ = 0;
 };
 

@@ -190,6 +190,7 @@ TEST(Post, GoldenProgramOfOneCut) {
   EXPECT_EQ(program->text.substr(body),
             "G21\nG90\nG94\nG17\nG54\n"
             "; block 01 mill direction 0.000000 0.000000 1.000000\n"
+            "; work 10.500 about X-0.190476 Y0.000000 Z9.678571 beads 0.000\n"
             "G0 Z29.595\nG0 B0 C0\nM3 S12000\nG4 P2\n"
             "; path 1\n"
             "X-5 Y0\nZ14\nZ11\n"

@@ -59,6 +59,30 @@ TEST_F(VerifyJob, ThePaperModeIsTheProgramsOwnWord) {
   EXPECT_EQ(job->certificate.mode, Mode::kPaper);
 }
 
+// Whatever byte changes, the certificate is another one, or there is none.
+TEST_F(VerifyJob, AnyChangedByteInvalidatesTheCertificate) {
+  const Result<JobVerification> job = verify_job(folder_, options_);
+  ASSERT_TRUE(job);
+  const std::string right = canonical_json(job->certificate);
+  for (const char* name : {"program.nc", "rig.json", "initial.stl", "target.stl", "reused.stl",
+                           "removed.stl", "added.stl", "fixture.stl"}) {
+    std::ifstream in(folder_ / name, std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(in), {}};
+    for (const std::size_t at : {std::size_t{3}, bytes.size() / 2, bytes.size() - 2}) {
+      std::string changed = bytes;
+      changed[at] = static_cast<char>(changed[at] ^ 1);
+      write(name, changed);
+      const Result<JobVerification> other = verify_job(folder_, options_);
+      const std::string got = other ? canonical_json(other->certificate) : "none";
+      EXPECT_NE(got, right) << name << " at " << at;
+    }
+    write(name, bytes);
+  }
+  const Result<JobVerification> again = verify_job(folder_, options_);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(canonical_json(again->certificate), right);
+}
+
 TEST_F(VerifyJob, AMissingFileIsNamed) {
   fs::remove(folder_ / "initial.stl");
   const Result<JobVerification> job = verify_job(folder_, options_);

@@ -6,10 +6,12 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "planner/geometry/mesh_io.h"
 #include "planner/verify/verify.h"
 #include "protocols/sha256.h"
+#include "tools/reforge/bead_trace.h"
 
 namespace reforge {
 namespace {
@@ -18,13 +20,14 @@ namespace fs = std::filesystem;
 
 struct Chosen {
   std::string path;  // a job folder or a program
-  std::string rig, stock, target, fixture, mode = "strict";
+  std::string rig, stock, target, fixture, trace, mode = "strict";
   double pitch_mm = 0;
   bool as_json = false;
   bool write = false;
 };
 
 constexpr std::size_t kWorst = 5;
+constexpr double kBeadTolerance = 0.3;  // mm, of a bead's start and end
 
 void print_volumes(const Certificate& c) {
   std::printf("volumes mm3        reused    removed      added\n");
@@ -97,6 +100,61 @@ Status write_text(const fs::path& file, const std::string& text) {
   return Unit{};
 }
 
+// The run that the trace recorded, against the program it ran.
+Status check_trace(const fs::path& program, const fs::path& rig_file, const Chosen& chosen,
+                   Outcome& outcome) {
+  const Result<RigDescription> rig = read_rig(rig_file);
+  if (!rig) return rig.error();
+  const Result<TraceComparison> compared = compare_trace(program, *rig, chosen.trace);
+  if (!compared) return compared.error();
+  const TraceComparison& c = *compared;
+  const bool good = c.good(kBeadTolerance);
+  const BeadComparison *start = c.worst_start(), *end = c.worst_end();
+  double planned = 0, counted = 0, lag = 0;
+  for (const BeadComparison& bead : c.beads) {
+    planned += bead.planned_mm;
+    counted += bead.counted_mm;
+    lag = std::max(lag, bead.lag_mm);
+  }
+  if (chosen.as_json) {
+    nlohmann::json beads = nlohmann::json::array();
+    for (const BeadComparison& b : c.beads) {
+      beads.push_back({{"line", b.line},
+                       {"length_mm", b.length_mm},
+                       {"start_error_mm", b.start_error_mm},
+                       {"end_error_mm", b.end_error_mm},
+                       {"lag_mm", c.flow_recorded ? nlohmann::json(b.lag_mm) : nlohmann::json()},
+                       {"planned_mm", b.planned_mm},
+                       {"counted_mm", b.counted_mm}});
+    }
+    const nlohmann::json all{{"verdict", good ? "pass" : "fail"},
+                             {"program_beads", c.program_beads},
+                             {"trace_beads", c.trace_beads},
+                             {"tolerance_mm", kBeadTolerance},
+                             {"beads", std::move(beads)}};
+    std::printf("%s\n", all.dump().c_str());
+  } else {
+    std::printf("trace %s: %zu beads ran, %zu are in the program\n", good ? "PASS" : "FAIL",
+                c.trace_beads, c.program_beads);
+    if (start && end) {
+      std::printf("  filament begins within %.3f mm of its place (worst: line %zu)\n",
+                  start->start_error_mm, start->line);
+      std::printf("  filament ends within %.3f mm of its place (worst: line %zu)\n",
+                  end->end_error_mm, end->line);
+    }
+    if (c.flow_recorded) std::printf("  along the beads it is at most %.3f mm off\n", lag);
+    std::printf("  filament by the program's feeds %.1f mm, counted %.1f mm (ramps included)\n",
+                planned, counted);
+  }
+  if (good) return Unit{};
+  outcome.code = ExitCode::kInfeasibleOrRefused;
+  std::fprintf(stderr,
+               "reforge: the trace is not what the program asks for: beads off by more than %.1f mm"
+               " or not as many\n",
+               kBeadTolerance);
+  return Unit{};
+}
+
 Status verify_folder(const Chosen& chosen, Outcome& outcome) {
   VerifyOptions options;
   options.pitch_mm = chosen.pitch_mm;
@@ -119,7 +177,9 @@ Status verify_folder(const Chosen& chosen, Outcome& outcome) {
   }
   finish(job->certificate, chosen, outcome);
   if (exists && !chosen.write && old != bytes) outcome.code = ExitCode::kInfeasibleOrRefused;
-  return Unit{};
+  if (chosen.trace.empty()) return Unit{};
+  const fs::path folder(chosen.path);
+  return check_trace(folder / "program.nc", folder / "rig.json", chosen, outcome);
 }
 
 Status read_into(const std::string& path, const char* name, std::optional<TriangleMesh>& mesh,
@@ -164,7 +224,8 @@ Status verify_file(const Chosen& chosen, Outcome& outcome) {
   Certificate certificate = certificate_of(*verification, inputs);
   certificate.sha256 = hashes.sha256;
   finish(certificate, chosen, outcome);
-  return Unit{};
+  if (chosen.trace.empty()) return Unit{};
+  return check_trace(chosen.path, chosen.rig, chosen, outcome);
 }
 
 }  // namespace
@@ -183,6 +244,8 @@ void add_verify_command(CLI::App& app, Outcome& outcome) {
       ->capture_default_str();
   verify->add_option("--pitch", chosen->pitch_mm, "Columns of the simulated stock, mm; 0: by size")
       ->check(CLI::Range(0.0, 1.0));
+  verify->add_option("--trace", chosen->trace,
+                     "Trace of a run on the virtual rig, compared with the program bead by bead");
   verify->add_flag("--json", chosen->as_json, "Print the certificate");
   verify->add_flag("--write", chosen->write, "Write certificate.json into the job");
   verify->callback([chosen, &outcome] {
