@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "tools/reforge/daemon_commands.h"
+#include "tools/reforge/extruder_command.h"
 #include "tools/reforge/outcome.h"
 #include "tools/reforge/picture_command.h"
 #include "tools/reforge/report_command.h"
@@ -27,6 +28,7 @@ int main(int argc, char** argv) {
 #endif
   reforge::add_verify_command(app, outcome);
   reforge::add_daemon_commands(app, outcome);
+  reforge::add_extruder_command(app, outcome);
 
   try {
     app.parse(argc, argv);
