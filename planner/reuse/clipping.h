@@ -85,6 +85,7 @@ struct WatchedPoint {
 struct ClippingOptions {
   double clearance_mm = 0.3;         // bodies are widened by this while searching
   double lowered_mm = 0.3;           // and their wider parts begin this much lower
+  double watched_extra_mm = 0;       // the same for watched points, besides; may be negative
   double foot_kept = 0.5;            // share of the foot's samples that must stay
   std::size_t directions_kept = 24;  // per watched point
 };

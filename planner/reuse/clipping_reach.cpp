@@ -98,7 +98,8 @@ void ClippingModel::watch(const std::vector<SurfaceSample>& samples, const Reach
       const bool staying = cutter ? sample.needs_cutter(false) : sample.needs_nozzle(false);
       const bool going = sample.borders_reused() &&
                          (cutter ? sample.needs_cutter(true) : sample.needs_nozzle(true));
-      if (staying || going) watch_point(sample, gone.count(sample.origin) > 0, cutter, 0);
+      if (staying || going)
+        watch_point(sample, gone.count(sample.origin) > 0, cutter, options_.watched_extra_mm);
     }
   }
 }

@@ -77,6 +77,7 @@ class Planning {
                                  const SearchOptions& options);
   bool prove(ClippingModel& model, const Clipping& clipping);
   void prove_best(ClippingModel& model, std::vector<Clipping> found);
+  void prove_lower_and_lower(ClippingModel& model);
   Outcome finish();
   Result<Outcome> search();
 
@@ -195,6 +196,8 @@ ClippingModel Planning::make_model() const {
   ClippingOptions options;
   options.clearance_mm = kClearance * pitch;
   options.lowered_mm = kLowered * pitch;
+  // Points on V~_R's own surface are judged as the audit judges them: samples lie within it.
+  options.watched_extra_mm = -2 * kClearance * pitch;
   ClippingModel model(standing_, pitch, tools_, fixture_, directions_with_bases(), options);
   for (const auto& base : bases_) model.add_base(base, candidate_normals(base, kEvenDirections));
   model.watch(samples_, reach_);
@@ -236,9 +239,11 @@ bool Planning::prove(ClippingModel& model, const Clipping& clipping) {
   if (!audited.passed()) {
     ++plan_.effort_spent.audits_failed;
     faults_ = audited.faults;
-    const double step = kLearningStep * model.samples().grid.pitch_mm;
+    // What fails again and again is given more and more room.
+    const double step = kLearningStep * model.samples().grid.pitch_mm *
+                        std::pow(1.2, plan_.effort_spent.audits_failed - 1);
     model.require(audited.bad_origins);
-    model.watch_closely(audited.blocked, 2 * step);
+    model.watch_closely(audited.blocked, step - kClearance * model.samples().grid.pitch_mm);
     std::sort(audited.blocked_caps.begin(), audited.blocked_caps.end());
     audited.blocked_caps.erase(
         std::unique(audited.blocked_caps.begin(), audited.blocked_caps.end()),
@@ -340,6 +345,22 @@ void Planning::prove_best(ClippingModel& model, std::vector<Clipping> found) {
   }
 }
 
+// When nothing else stands the audit: one level cut through everything, deeper until it does.
+void Planning::prove_lower_and_lower(ClippingModel& model) {
+  StageTimer timer(times_, "audit");
+  constexpr int kLevels = 12;
+  const std::size_t top = model.slots().size() - 1;  // added last
+  const double height = model.highest_offset(model.slots()[top], Vec3::UnitZ());
+  for (int level = 0; level < kLevels && proven_ == 0; ++level) {
+    std::vector<std::shared_ptr<Cut>> cuts(model.slots().size());
+    cuts[top] = model.cut(top, {Vec3::UnitZ(), height * (kLevels - level) / (kLevels + 1.0)});
+    if (!cuts[top]) continue;
+    Clipping clipping = model.combine(std::move(cuts));
+    model.count_blocked(clipping);
+    if (clipping.kept > 0 && clipping.uncovered == 0) prove(model, clipping);
+  }
+}
+
 std::vector<Clipping> Planning::searched(const ClippingModel& model,
                                          const std::vector<Clipping>& starts,
                                          const SearchOptions& options) {
@@ -379,6 +400,7 @@ Result<Outcome> Planning::search() {
                       " printing bases cannot be replaced.");
   }
   prove_best(*model, std::move(found));
+  if (proven_ == 0) prove_lower_and_lower(*model);
   if (proven_ == 0 && options_.should_stop && options_.should_stop()) {
     return Error{Code::kInterrupted, "Stopped before a feasible plan was found."};
   }
