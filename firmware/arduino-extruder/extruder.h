@@ -49,6 +49,9 @@ class Extruder {
   wire::State state() const { return state_; }
   wire::Fault fault() const { return fault_; }
   bool idle() const;  // settings may change
+  bool pushing() const {
+    return state_ == wire::State::kRestoring || state_ == wire::State::kExtruding;
+  }
   Module module() const { return module_; }
   bool run_permitted() const { return run_permitted_; }
   bool filament_present() const { return filament_present_; }

@@ -25,7 +25,7 @@ void Link::receive(uint8_t byte, uint32_t now_ms) {
 void Link::obey(const Frame& frame, uint32_t now_ms) {
   last_frame_ms_ = now_ms;
   wire::Hello hello;
-  if (unpack(frame, hello)) greet(hello, frame.sequence);
+  if (unpack(frame, hello)) greet(hello, frame.sequence, now_ms);
   if (session_ != 0) {
     extruder_.refresh(Authority::kHost, now_ms);
     terminal_.forget();
@@ -56,7 +56,7 @@ void Link::obey(const Frame& frame, uint32_t now_ms) {
   }
 }
 
-void Link::greet(const wire::Hello& hello, uint8_t sequence) {
+void Link::greet(const wire::Hello& hello, uint8_t sequence, uint32_t now_ms) {
   if (hello.protocol_version != wire::kProtocolVersion || hello.session == 0) {
     send(pack(wire::Ack{Reason::kWrongVersion, extruder_.state()}, sequence));
     return;
@@ -66,8 +66,12 @@ void Link::greet(const wire::Hello& hello, uint8_t sequence) {
     last_ = 0;
     any_order_ = false;
     last_result_ = Reason::kNone;
-    // What the former session left under way goes on; its end is nobody's any more.
+    // What the former session left under way goes on and its end is nobody's any more; but nobody
+    // wants its extrusion, of which an order that was late on the wire may be the cause.
     pending_ = done_due_ = saving_ = false;
+    if (extruder_.pushing() && !settings_.get(Setting::kInStream)) {
+      extruder_.command(73, wire::kUseSetting, now_ms);
+    }
   }
   banner_due_ = false;
   send(pack(banner(session_), sequence));

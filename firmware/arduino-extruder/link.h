@@ -34,7 +34,7 @@ class Link {
 
  private:
   void obey(const wire::Frame& frame, uint32_t now_ms);
-  void greet(const wire::Hello& hello, uint8_t sequence);
+  void greet(const wire::Hello& hello, uint8_t sequence, uint32_t now_ms);
   void order(const wire::Frame& frame, uint32_t now_ms);
   wire::Reason execute(const wire::Frame& frame, uint32_t now_ms);
   wire::Reason set(const wire::SetSetting& message);

@@ -13,10 +13,13 @@ namespace {
 
 constexpr int64_t kTroubleMs = 4000;      // how long a script's trouble lasts
 constexpr int64_t kAgreementMs = 60'000;  // and how long agreeing again may take
+constexpr int64_t kFreshMs = 1200;        // two heartbeats
 // The dead-men (extruder_wire.h), and what the loop, the debouncing of a look and a ramp add.
 constexpr int64_t kExtrusionSilenceMs = 500;
 constexpr int64_t kSilenceMs = 3000;
 constexpr int64_t kSlackMs = 15;
+constexpr int64_t kWatchdogMs = 1100;  // outputs of a hanging chip stay as they were
+constexpr int64_t kGapMs = 18;         // the board's 20 begin within the millisecond before ours
 // An M73 that is lost is sent again five times, then the host starves the board.
 constexpr int64_t kUnwantedMs = 2000;
 
@@ -59,7 +62,7 @@ class World {
     if (!link_.identified()) return;
     if (order.m_code == 72) {
       wanted_ = true;
-    } else if (order.m_code != 70) {
+    } else if (order.m_code == 71 || order.m_code == 73) {
       if (std::exchange(wanted_, false)) unwanted_since_ = ms_;
     }
     ++out_.orders;
@@ -103,7 +106,7 @@ class World {
       case 11:
         return wire.duplicate(static_cast<int>(1 + pick(60)));
       case 12:
-        return wire.stall((ms_ + pick(4000)) * kNsPerMs);
+        return stall(wire);
       case 13:
         link_.closed();
         lose_host();
@@ -117,8 +120,16 @@ class World {
         const BoardMishap mishap = kMishaps[pick(8)];
         board_.suffer(mishap);
         if (mishap <= BoardMishap::kPowerCycle) heard_ = {};
+        if (mishap == BoardMishap::kHang) hung_until_ = ms_ + kWatchdogMs;
         return;
     }
+  }
+
+  // What waits in a stalled wire is as if it had been sent when it comes out.
+  void stall(FaultyWire& wire) {
+    const int64_t until = ms_ + pick(4000);
+    wire.stall(until * kNsPerMs);
+    if (&wire == &to_board_) stalled_until_ = std::max(stalled_until_, until);
   }
 
   void lose_host() {
@@ -147,19 +158,23 @@ class World {
       const bool fault = std::holds_alternative<ExtruderLink::Fault>(event);
       const bool lost = std::holds_alternative<ExtruderLink::Lost>(event);
       const bool refused = std::holds_alternative<ExtruderLink::Refused>(event);
-      if (fault || lost || refused) lose_host();
+      if (fault || lost) lose_host();
+      if (refused && wanted_) give({73});  // as the daemon does
       if (lost) {
         link_.closed();
         link_.opened(now());
       }
-      if (const auto* done = std::get_if<ExtruderLink::Done>(&event)) done_ = done->order.m_code;
+      if (const auto* done = std::get_if<ExtruderLink::Done>(&event)) {
+        done_ = done->order.m_code;
+        done_ms_ = ms_;
+      }
     }
   }
 
   // What the board can have understood: whole frames, as a decoder of our own finds them.
   void listen(std::string_view bytes) {
     wire::Frame frame;
-    if (ms_ - last_byte_ms_ >= 20 && heard_.in_frame()) {
+    if (ms_ - last_byte_ms_ >= kGapMs && heard_.in_frame()) {
       heard_.gap();
       while (heard_.take(frame)) last_frame_ms_ = ms_;
     }
@@ -179,6 +194,7 @@ class World {
     if (moved != 0 && silence > kExtrusionSilenceMs + kSlackMs) {
       wrong("filament moves after " + std::to_string(silence) + " ms of silence");
     }
+    if (ms_ <= hung_until_) return;
     if (board_.may_heat() && silence > kSilenceMs + kSlackMs) {
       wrong("the heater is on after " + std::to_string(silence) + " ms of silence");
     }
@@ -186,7 +202,7 @@ class World {
       wrong("the CNC may run after " + std::to_string(silence) + " ms of silence");
     }
     if (moved != 0 && !board_.module_open()) wrong("filament moves with the module closed");
-    if (moved > 0 && !wanted_ && ms_ - unwanted_since_ > kUnwantedMs) {
+    if (moved > 0 && !wanted_ && ms_ - std::max(unwanted_since_, stalled_until_) > kUnwantedMs) {
       wrong("filament is pushed and nobody wants it");
     }
   }
@@ -213,6 +229,7 @@ class World {
       if (status.state == wire::State::kFault && !link_.busy()) {
         link_.clear_fault(now());
       } else if (done_ == 71 && status.state == wire::State::kClosed && !link_.busy()) {
+        if (ms_ - done_ms_ < kFreshMs) continue;  // what the host knows may be older than that
         if (status.position != board_.position_since_reset()) {
           wrong("the board reports step " + std::to_string(status.position) + ", its pin made " +
                 std::to_string(board_.position_since_reset()));
@@ -238,6 +255,8 @@ class World {
   int64_t position_ = 0;
   int done_ = 0;
   wire::Decoder heard_;
+  int64_t done_ms_ = 0;
+  int64_t stalled_until_ = 0, hung_until_ = 0;
   int64_t last_frame_ms_ = 0, last_byte_ms_ = 0;
 };
 

@@ -493,5 +493,34 @@ TEST(Store, ASaveBegunAnewKeepsTheWholeCopy) {
   EXPECT_EQ(after.settings.get(Setting::kRetractLength), 5);
 }
 
+TEST(Link, ANewSessionEndsTheExtrusionOfTheOneBefore) {
+  Desk desk;
+  desk.open_hot();
+  desk.greet();
+  desk.send(pack(wire::Command{72, 1000}, 1));
+  desk.run_ms(100);
+  desk.send(pack(wire::Hello{wire::kProtocolVersion, 7}, 0));  // the same session: nothing changes
+  desk.run_ms(100);
+  EXPECT_EQ(desk.extruder.state(), State::kExtruding);
+  desk.send(pack(wire::Hello{wire::kProtocolVersion, 8}, 0));
+  desk.run_ms(100);
+  EXPECT_EQ(desk.extruder.state(), State::kReady);
+  for (const wire::Frame& frame : desk.take_frames()) EXPECT_NE(frame.sequence, 2);
+}
+
+TEST(Link, OnlyALineThatIsUnderstoodIsASignOfLife) {
+  Desk desk;
+  desk.silent = true;
+  desk.run_ms(10);
+  for (const char* junk : {"G28\n", "M79\n", "?x\n", "CLEARS\n", "\x01\x0a"}) {
+    desk.send_text(junk);
+    desk.run_ms(5);
+    EXPECT_FALSE(desk.extruder.run_permitted()) << junk;
+  }
+  desk.send_text("?\n");
+  desk.run_ms(5);
+  EXPECT_TRUE(desk.extruder.run_permitted());
+}
+
 }  // namespace
 }  // namespace reforge::firmware

@@ -172,6 +172,18 @@ TEST(VirtualRig, AScriptSpoilsALinkPressesButtonsAndUpsetsTheBoard) {
   EXPECT_EQ(trace.of("script").size(), 5u);
 }
 
+TEST(VirtualRig, FilamentThatStandsIsTracedWhereItsLastStepWas) {
+  Rig rig;
+  rig.rig.host_wrote(Link::kCnc, "G90 G1 X59 F1200\n");
+  rig.board.steps = {{300 * kNsPerMs, 1}, {310 * kNsPerMs, 1}};
+  rig.advance_to(kNsPerSecond);
+  const auto steps = rig.trace.of("steps");
+  ASSERT_EQ(steps.size(), 2u);
+  EXPECT_EQ(steps[1].fields["moving"], 0);
+  const double moved = steps[0].fields["x"].get<double>() - steps[1].fields["x"].get<double>();
+  EXPECT_NEAR(moved, 0.2, 0.021);  // 10 ms at 20 mm/s
+}
+
 // The paper's own wiring: M70-M75 executed by the panel, with the real firmware.
 TEST(VirtualRig, InStreamTheCncsOutputsWorkTheBoard) {
   auto rig_file = read_rig(std::string(REFORGE_SOURCE_DIR) + "/config/rigs/mx220-panel.json");

@@ -131,6 +131,7 @@ void VirtualRig::step_to(int64_t ns) {
     at_last_step = cnc_->g54_position();
   }
   write_witness(at_last_step);
+  if (!steps.empty()) last_step_at_ = at_last_step;
   run_cnc_to(ns);
   now_ = ns;
 
@@ -215,7 +216,9 @@ void VirtualRig::write_witness(const Axes& at) {
   for (TraceRecord& record : witness_.take()) {
     script_.note(record.event, now_);
     if (!trace_) continue;
-    put_position(record.fields, at);
+    // That filament stands is found out later: the place belongs to its last step.
+    const bool stands = record.event == "steps" && record.fields["moving"] == 0;
+    put_position(record.fields, stands ? last_step_at_ : at);
     trace_->write(record);
   }
 }

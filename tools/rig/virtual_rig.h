@@ -68,6 +68,7 @@ class VirtualRig {
   std::array<FaultyWire, 2> to_device_, to_host_;  // by link
   std::vector<RigAction> port_actions_;
   bool in_stream_;
+  Axes last_step_at_{};         // where the tool was at the last step of filament, in G54
   int64_t ready_since_ns_ = 0;  // the board's ready output rose
   bool ready_ = false;
   ExtruderWitness witness_;
