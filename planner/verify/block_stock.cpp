@@ -43,7 +43,10 @@ class Capsule {
 
  private:
   int cell(double x, double origin) const {
-    return static_cast<int>(std::clamp(std::floor((x - origin) / view_.pitch), -1e6, 1e6));
+    // Without floor(): in the plainest instruction set that is a call.
+    constexpr double kFar = 1e6;
+    return static_cast<int>(std::clamp((x - origin) / view_.pitch, -kFar, kFar) + kFar) -
+           static_cast<int>(kFar);
   }
   void disc(double cx, double cy, double y, double& lo, double& hi) const {
     const double h = r_ * r_ - (y - cy) * (y - cy);
@@ -158,6 +161,7 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
   const int j0 = capsule.first_row(), j1 = capsule.end_row();
   const Vec3 d = b - a;
   const double squared = d.head<2>().squaredNorm();
+  const double per_squared = squared > 0 ? 1 / squared : 0;
   const double half_squared = 0.25 * width * width;
   constexpr float kTouch = 1e-3f;
   const double hair = 0.013 * grid.pitch;
@@ -175,8 +179,7 @@ Bead BlockStock::deposit(const Vec3& a, const Vec3& b, double width, double heig
       // Edges of beads like to lie on cell centres; by a hair's shift each such cell falls to one
       // side only, and beads keep their width.
       const double px = grid.u(i) - a.x() + hair, py = grid.v(j) - a.y() + hair;
-      const double t =
-          squared > 0 ? std::clamp((px * d.x() + py * d.y()) / squared, 0.0, 1.0) : 0.0;
+      const double t = std::clamp((px * d.x() + py * d.y()) * per_squared, 0.0, 1.0);
       const double ex = px - t * d.x(), ey = py - t * d.y();
       if (ex * ex + ey * ey > half_squared) continue;
       const std::size_t cell = grid.cell(i, j);

@@ -96,6 +96,12 @@ void cover_mesh(const TriangleMesh& mesh, const View& view, Emit emit) {
 
 }  // namespace
 
+void Columns::append(const Columns& more) {
+  const auto shift = static_cast<std::uint32_t>(items_.size());
+  items_.insert(items_.end(), more.items_.begin(), more.items_.end());
+  for (std::size_t c = 1; c < more.start_.size(); ++c) start_.push_back(more.start_[c] + shift);
+}
+
 double Columns::length() const {
   double sum = 0;
   for (const Interval& s : items_) sum += static_cast<double>(s.hi) - static_cast<double>(s.lo);

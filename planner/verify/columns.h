@@ -33,6 +33,9 @@ class Columns {
     start_.push_back(static_cast<std::uint32_t>(items_.size()));
   }
 
+  // The columns of another, behind these.
+  void append(const Columns& more);
+
   std::size_t size() const { return start_.size() - 1; }
   std::span<const Interval> at(std::size_t column) const {
     return {items_.data() + start_[column], items_.data() + start_[column + 1]};

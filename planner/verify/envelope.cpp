@@ -163,7 +163,7 @@ void Envelope::descend(int k, const CellRect& box, int i0, int j0, int i1, int j
 CellRect Envelope::around(const Vec3& a, const Vec3& b, double reach) const {
   if (!std::isfinite(reach)) return {0, 0, view_.nu, view_.nv};
   const auto cell = [&](double x, double origin, int n) {
-    return static_cast<int>(std::clamp(std::floor((x - origin) / view_.pitch), 0.0, double(n)));
+    return static_cast<int>(std::clamp((x - origin) / view_.pitch, 0.0, double(n)));
   };
   return {cell(std::min(a.x(), b.x()) - reach, view_.u0, view_.nu),
           cell(std::min(a.y(), b.y()) - reach, view_.v0, view_.nv),

@@ -11,7 +11,7 @@ constexpr double kTouch = 0.05;         // mm: entries less deep are touching
 constexpr double kClearanceMax = 10.0;  // mm: wider gaps are not told apart
 constexpr double kMargin = 2.0;         // mm of grid around the part
 constexpr double kFixturePitch = 0.25;
-constexpr double kBeadStep = 0.5;  // mm of bead judged at a time
+constexpr double kBeadStep = 0.6;  // mm of bead judged at a time
 
 std::vector<Vec3> outline_of(const SceneSolids& solids) {
   std::vector<Vec3> points = solids.initial->vertices;

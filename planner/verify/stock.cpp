@@ -1,7 +1,11 @@
 #include "planner/verify/stock.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <future>
+#include <system_error>
+#include <thread>
 #include <utility>
 
 namespace reforge::verify {
@@ -33,8 +37,10 @@ class LineMap {
   CellRect rect_;
 };
 
-constexpr int kTile = 8;      // columns walked together, each way
-constexpr double kFar = 1e4;  // mm, beyond any part
+constexpr int kTile = 8;         // columns walked together, each way
+constexpr double kFar = 1e4;     // mm, beyond any part
+constexpr unsigned kShares = 4;  // threads at most
+constexpr std::size_t kCellsWorthThreads = 50000;
 
 // A tile of columns on their way through the layers.
 struct Tile {
@@ -64,21 +70,19 @@ struct Tile {
 
 }  // namespace
 
-Material Stock::columns(const View& view) const {
-  const Columns cast = rasterise(initial_, view);
+// Rows [begin, end) of a view, walked tile by tile through the layers.
+Material Stock::rows(const View& view, const Columns& cast, int begin, int end) const {
   std::vector<LineMap> maps;
   for (const auto& layer : layers_) {
     maps.push_back(
         std::visit([&](const auto& l) { return LineMap(view, l.view(), l.rect()); }, layer));
   }
   Material material;
-  material.original.reserve(view.cells(), cast.intervals());
-  material.deposited.reserve(view.cells(), 0);
   Tile tile;
   // A band of rows is walked tile by tile, and then handed on row by row.
   std::vector<Intervals> original(static_cast<std::size_t>(view.nu) * kTile), deposited(original);
-  for (int j0 = 0; j0 < view.nv; j0 += kTile) {
-    const int rows = std::min(kTile, view.nv - j0);
+  for (int j0 = begin; j0 < end; j0 += kTile) {
+    const int rows = std::min(kTile, end - j0);
     for (int i0 = 0; i0 < view.nu; i0 += kTile) {
       const int width = std::min(kTile, view.nu - i0);
       const auto slot = [&](std::size_t k) {
@@ -117,6 +121,35 @@ Material Stock::columns(const View& view) const {
       material.original.push(original[k]);
       material.deposited.push(deposited[k]);
     }
+  }
+  return material;
+}
+
+Material Stock::columns(const View& view) const {
+  const Columns cast = rasterise(initial_, view);
+  // Shares of whole bands; what comes out does not depend on their number.
+  const auto cores = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, kShares));
+  const int shares = view.cells() < kCellsWorthThreads || layers_.empty() ? 1 : cores;
+  const int bands = (view.nv + kTile - 1) / kTile;
+  const auto row = [&](int share) { return std::min(view.nv, bands * share / shares * kTile); };
+  std::vector<Material> parts(static_cast<std::size_t>(shares));
+  std::vector<std::future<void>> others;
+  for (int k = 1; k < shares; ++k) {
+    const auto work = [&, k] {
+      parts[static_cast<std::size_t>(k)] = rows(view, cast, row(k), row(k + 1));
+    };
+    try {
+      others.push_back(std::async(std::launch::async, work));
+    } catch (const std::system_error&) {  // no thread to be had: it is done here
+      work();
+    }
+  }
+  Material material = rows(view, cast, 0, row(1));
+  for (std::future<void>& other : others) other.get();
+  for (std::size_t k = 1; k < parts.size(); ++k) {
+    material.original.append(parts[k].original);
+    material.deposited.append(parts[k].deposited);
+    parts[k] = {};
   }
   return material;
 }

@@ -25,14 +25,16 @@ class Stock {
   void add(CutLayer layer) { layers_.emplace_back(std::move(layer)); }
   void add(DepositLayer layer) { layers_.emplace_back(std::move(layer)); }
 
-  // The material on every column of the view, as of now. Where a deposit was laid into original
-  // material both are reported.
+  // The material on every column of the view, as of now; large views by up to four threads. Where a
+  // deposit was laid into original material both are reported.
   Material columns(const View& view) const;
 
   std::size_t layers() const { return layers_.size(); }
   std::size_t bytes() const;
 
  private:
+  Material rows(const View& view, const Columns& cast, int begin, int end) const;
+
   const TriangleMesh& initial_;  // outlives the stock
   std::vector<std::variant<CutLayer, DepositLayer>> layers_;
 };

@@ -60,15 +60,18 @@ std::string spiral(bool print, int moves, double step, double radius) {
   std::snprintf(line, sizeof line, "G0 X%.3f Y0\nG0 Z%.3f\n", x0 + 2, z0);
   text += line;
   if (print) text += "M72 P0.3465\n";
-  // An Archimedean spiral in and out again, a little lower (or higher) each time.
+  // An Archimedean spiral in and out again, a little lower (or higher) each time; milling begins
+  // again from the top after 24 passes.
   const double pitch = print ? 0.5 : 1.2;
   double angle = 2 / pitch * 2 * std::numbers::pi, z = z0;
   double way = 1;
+  int passes = 0;
   for (int k = 0; k < moves; ++k) {
     const double r = pitch * angle / (2 * std::numbers::pi);
     if ((r > radius && way > 0) || (r < 2 && way < 0)) {
       way = -way;
-      z += print ? 0.2 : -0.5;
+      ++passes;
+      z = z0 + (print ? 0.2 * passes : -0.5 * (passes % 24));
     }
     angle += way * step / r;
     const double at = pitch * angle / (2 * std::numbers::pi);
