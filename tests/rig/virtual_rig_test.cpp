@@ -5,6 +5,7 @@
 #include "tests/rig/fake_board.h"
 #include "tests/rig/shipped_rig.h"
 #include "tools/rig/avr_extruder.h"
+#include "tools/rig/board_memory.h"
 
 namespace reforge {
 namespace {
@@ -192,6 +193,7 @@ TEST(VirtualRig, InStreamTheCncsOutputsWorkTheBoard) {
   ASSERT_TRUE(avr);
   AvrBoard& board = **avr;
   board.hot_end().set_temperature(204);
+  board.set_memory(commissioned_memory(*rig_file));
   KeptTrace trace;
   VirtualRig rig(*rig_file, true, std::make_unique<AvrExtruder>(std::move(*avr)), &trace);
   const auto advance = [&](double seconds) {
@@ -201,15 +203,7 @@ TEST(VirtualRig, InStreamTheCncsOutputsWorkTheBoard) {
       for (const Link link : kLinks) rig.take_for_host(link);
     }
   };
-  const auto extruder = [&](wire::Frame frame, uint8_t sequence) {
-    frame.sequence = sequence;
-    rig.host_wrote(Link::kExtruder, Rig::bytes(frame));
-    advance(0.05);
-  };
   advance(0.3);
-  extruder(pack(wire::Hello{wire::kProtocolVersion, 7}, 0), 0);
-  extruder(pack(wire::SetSetting{wire::Setting::kFilamentSpeed, 347}, 0), 1);
-  extruder(pack(wire::SetSetting{wire::Setting::kInStream, 1}, 0), 2);
   rig.host_wrote(Link::kCnc,
                  "%\nO1\nM70\nG90 G0 X10\nM72\nG4 P100\nG1 X30 F500\nM73\nM74\nM75\nM71\nM30\n%\n");
   for (int i = 0; i < 60 && trace.of("end").empty(); ++i) advance(1);

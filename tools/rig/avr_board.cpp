@@ -16,6 +16,7 @@
 #pragma GCC diagnostic ignored "-Wshadow"
 extern "C" {
 #include <simavr/avr_adc.h>
+#include <simavr/avr_eeprom.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
@@ -334,6 +335,15 @@ Result<std::unique_ptr<AvrBoard>> AvrBoard::open(const std::filesystem::path& el
 
 AvrBoard::AvrBoard(std::unique_ptr<Chip> chip) : chip_(std::move(chip)) {}
 AvrBoard::~AvrBoard() = default;
+
+void AvrBoard::set_memory(std::span<const uint8_t> bytes) {
+  std::vector<uint8_t> copy(bytes.begin(), bytes.end());
+  avr_eeprom_desc_t memory;
+  memory.ee = copy.data();
+  memory.offset = 0;
+  memory.size = static_cast<uint32_t>(copy.size());
+  avr_ioctl(chip_->avr, AVR_IOCTL_EEPROM_SET, &memory);
+}
 
 int64_t AvrBoard::now_ns() const {
   return to_ns(chip_->now());

@@ -49,6 +49,9 @@ class AvrBoard {
   AvrBoard(const AvrBoard&) = delete;
   AvrBoard& operator=(const AvrBoard&) = delete;
 
+  // What the EEPROM holds from byte 0 on; read by the firmware when it starts.
+  void set_memory(std::span<const uint8_t> bytes);
+
   int64_t now_ns() const;
   // Runs the firmware up to this time (an instruction's length beyond it at most).
   void advance_to(int64_t ns);

@@ -14,6 +14,7 @@
 
 #include "protocols/rig.h"
 #include "tools/rig/avr_extruder.h"
+#include "tools/rig/board_memory.h"
 #include "tools/rig/rig_server.h"
 #include "tools/rig/trace.h"
 
@@ -104,6 +105,7 @@ int run(const Arguments& arguments) {
   if (!script) return fail(kBadInput, script.error().sentence);
   auto board = AvrBoard::open(arguments.firmware);
   if (!board) return fail(kBadInput, board.error().sentence);
+  (*board)->set_memory(commissioned_memory(*rig));
   std::unique_ptr<TraceFile> trace;
   if (!arguments.trace.empty()) {
     auto created = TraceFile::create(arguments.trace);
