@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "planner/blocks/subtractive_blocks.h"
 #include "planner/toolpath/finishing.h"
 #include "planner/toolpath/roughing.h"
 
@@ -9,7 +10,8 @@ namespace reforge {
 namespace {
 
 constexpr double kMapPitch = 0.3;
-constexpr int kSecondLooks = 3;            // blocks that only mend what others missed
+constexpr int kSecondLooks = 4;            // blocks that only mend what others missed
+constexpr double kSmallestLump = 0.4;      // mm^3 worth a block of its own
 constexpr double kSecondLookWorth = 0.01;  // of the surface's samples
 constexpr int kSecondLookLeast = 15;       // samples
 
@@ -78,9 +80,23 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
     }
     mill(k, wanted);
   }
+  // What stood in the holder's way is gone by now: lumps that a direction could take are taken,
+  // then surface that it could finish is finished.
+  std::vector<char> exhausted(directions.size(), 0);
   for (int look = 0; look < kSecondLooks && !interrupted(); ++look) {
     size_t chosen = directions.size(), most = 0;
+    double largest = kSmallestLump;
     for (size_t k = 0; k < directions.size(); ++k) {
+      if (exhausted[k]) continue;
+      const double lump = stock.volume_mm3(removable_along(options, solids, stock, directions[k]));
+      if (lump > largest) {
+        largest = lump;
+        chosen = k;
+      }
+    }
+    const bool lumps = chosen < directions.size();
+    for (size_t k = 0; k < directions.size() && !lumps; ++k) {
+      if (exhausted[k]) continue;
       size_t missing = 0;
       for (size_t i = 0; i < surface.size(); ++i) missing += !done[i] && outlooks[k].touches[i];
       if (missing > most) {
@@ -90,15 +106,15 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
     }
     const auto worth = static_cast<size_t>(
         std::max<double>(kSecondLookLeast, kSecondLookWorth * static_cast<double>(surface.size())));
-    if (most < worth) break;
+    if (!lumps && most < worth) break;
     std::vector<char> wanted(surface.size(), 0);
     for (size_t i = 0; i < surface.size(); ++i) wanted[i] = !done[i] && outlooks[chosen].touches[i];
     const auto before = std::count(done.begin(), done.end(), 1);
+    const auto rest_before = stock.rest().count();
     mill(chosen, wanted);
-    if (std::count(done.begin(), done.end(), 1) == before) {
-      // Nothing came of it: these samples only seem touchable.
-      for (size_t i = 0; i < surface.size(); ++i) outlooks[chosen].touches[i] = 0;
-    }
+    // Nothing came of it: this only seemed within reach.
+    exhausted[chosen] =
+        std::count(done.begin(), done.end(), 1) == before && stock.rest().count() == rest_before;
   }
   for (size_t i = 0; i < surface.size(); ++i) milling.samples_finished += done[i];
   BitSet left = stock.rest();

@@ -64,6 +64,13 @@ struct Candidate {
 
 }  // namespace
 
+BitSet removable_along(const MillingOptions& options, const Surroundings& solids,
+                       const PartStock& stock, const Vec3& direction) {
+  BitSet rest = stock.rest();
+  rest.subtract(stock.near_keep);
+  return removable(stock, rest, carved_surface(options, solids, Frame::along(direction)));
+}
+
 std::vector<Vec3> milling_directions(const MillingOptions& options, const Surroundings& solids,
                                      const PartStock& stock,
                                      const std::vector<MachinedSample>& surface,

@@ -26,4 +26,9 @@ std::vector<Vec3> milling_directions(const MillingOptions& options, const Surrou
                                      const std::vector<Vec3>& further,
                                      const std::function<bool(const Vec3&)>& reachable);
 
+// What of the rest still present could be taken from a direction if V_R and fixture alone stood;
+// the skin next to V_R is left out.
+BitSet removable_along(const MillingOptions& options, const Surroundings& solids,
+                       const PartStock& stock, const Vec3& direction);
+
 }  // namespace reforge

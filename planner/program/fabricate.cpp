@@ -108,7 +108,6 @@ Status Fabricator::print() {
   }();
   if (!blocks) return blocks.error();
   const StageTimer timer(times_, "toolpaths");
-  std::vector<const TriangleMesh*> ground{&plan_.reused};
   // The paper's nozzle minds V_R alone; the rig's minds everything that stands.
   std::vector<const TriangleMesh*> obstacles{&plan_.reused};
   if (strict) obstacles.insert(obstacles.end(), {&plan_.fixture, &leftover_});
@@ -119,13 +118,13 @@ Status Fabricator::print() {
     toolpath.kind = BlockKind::kPrint;
     toolpath.frame = Frame::along(block.direction);
     Deposition deposition =
-        deposit(options, block.solid, toolpath.frame, ground, obstacles, [&] { return stopped(); });
+        deposit(options, block.solid, toolpath.frame, {{&plan_.reused}, made_.toolpaths, obstacles},
+                [&] { return stopped(); });
     if (stopped()) return interrupted();
     made_.left_out.hanging_mm3 += deposition.unsupported_mm3 + deposition.hanging_mm3;
     made_.left_out.blocked_mm3 += deposition.blocked_mm3;
     made_.printed_plan_mm3 += deposition.planned_mm3;
     made_.printed_beads_mm3 += deposition.bead_mm3;
-    ground.push_back(&block.solid);
     if (strict) obstacles.push_back(&block.solid);
     if (deposition.paths.empty()) continue;
     toolpath.paths = std::move(deposition.paths);

@@ -233,8 +233,8 @@ class Post {
     double feed = rig_.cutter.feed_mm_per_s;
     if (move.motion == Motion::kRamp) feed = rig_.cutter.ramp_feed_mm_per_s;
     if (move.motion == Motion::kDeposit || move.motion == Motion::kCoast) {
-      feed = path.first_layer ? rig_.extrusion.first_layer_feed_mm_per_s
-                              : rig_.extrusion.feed_mm_per_s;
+      feed = path.feed_share * (path.first_layer ? rig_.extrusion.first_layer_feed_mm_per_s
+                                                 : rig_.extrusion.feed_mm_per_s);
     }
     const Eigen::Matrix3d to_machine_axes = part_to_machine_rotation(rig_.kinematics, angles_);
     const Vec3 way = to_machine_axes * frame_.to_part(move.to - from);

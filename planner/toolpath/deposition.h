@@ -1,15 +1,16 @@
 // Deposition: a block printed layer by layer along its direction, from its base up.
 //
 // Purpose: beads of every layer, in paths that begin above what is printed, extrude, coast and end.
-// Units: mm, the block's frame; tips are the nozzle's. Source: section 7.4 of the paper; rig file.
-// Invariants: a bead is laid only on something (the block's ground or the layer below, which it may
-// overhang by 0.3 mm a layer, about 56 degrees) and only where the nozzle clears `obstacles`; what
-// that leaves out is counted, never printed in the air. Travels rise above the layer and above
-// obstacles; feed is constant in a path. Limits: no supports and no bridges are planned; minimum
-// layer time is not kept.
+// Units: mm, s, the block's frame; tips are the nozzle's. Source: section 7.4 of the paper; rig
+// file. Invariants: a bead is laid only on something that is there by then (V_R, beads of earlier
+// blocks, or the layer below, which it may overhang by 0.3 mm a layer, about 56 degrees) and only
+// where the nozzle clears `obstacles`; what that leaves out is counted, never printed in the air.
+// Travels rise above the layer and above obstacles; feed is constant in a path and the same for a
+// whole layer. Limits: gaps up to 2 mm are bridged, wider ones are left out: there are no supports.
 #pragma once
 
 #include <functional>
+#include <span>
 
 #include "planner/machine/tool.h"
 #include "planner/toolpath/toolpath.h"
@@ -22,7 +23,9 @@ struct DepositionOptions {
   Nozzle nozzle;
   double outlet_radius_mm = 0.25;
   int walls = 2;
-  int solid_layers = 3;  // above and below where the block's surface shows
+  int solid_layers = 3;       // above and below where the block's surface shows
+  double layer_s_min = 4;     // a layer gets this long to set: small layers are printed slower,
+  double slowest_feed = 0.4;  // but not below this share of their feed
 };
 
 DepositionOptions deposition_options(const RigDescription& rig, Mode mode);
@@ -37,11 +40,14 @@ struct Deposition {
   int layers = 0;
 };
 
-// `ground` is what the block may stand on (V_R, earlier blocks); `obstacles` what the nozzle must
-// clear (V_R; in strict mode all that stands).
+// What a block meets.
+struct PrintSite {
+  std::vector<const TriangleMesh*> ground;     // what it may stand on: V_R
+  std::span<const BlockToolpath> printed;      // likewise: beads of earlier blocks (mills: ignored)
+  std::vector<const TriangleMesh*> obstacles;  // the nozzle clears: V_R; strict, all that stands
+};
+
 Deposition deposit(const DepositionOptions& options, const TriangleMesh& block, const Frame& frame,
-                   const std::vector<const TriangleMesh*>& ground,
-                   const std::vector<const TriangleMesh*>& obstacles,
-                   const std::function<bool()>& interrupted);
+                   const PrintSite& site, const std::function<bool()>& interrupted);
 
 }  // namespace reforge

@@ -13,8 +13,9 @@ using ClipperLib::Paths;
 using ClipperLib::PolyTree;
 
 constexpr double kUnitsPerMm = 1e5;
-constexpr double kArcTolerance = 0.005;  // mm
-constexpr double kSmallestArea = 1e-6;   // mm^2: rounding leaves no thinner islands
+constexpr double kArcTolerance = 0.01;      // mm, of round corners
+constexpr double kOffsetTolerance = 0.005;  // mm: offsets of offsets would double their points
+constexpr double kSmallestArea = 1e-6;      // mm^2: rounding leaves no thinner islands
 
 Path to_path(const Polyline& line) {
   Path path;
@@ -141,10 +142,16 @@ PlaneRegion without(const PlaneRegion& a, const PlaneRegion& b) {
 
 PlaneRegion offset(const PlaneRegion& region, double by) {
   ClipperLib::ClipperOffset clipper(2, kArcTolerance * kUnitsPerMm);
-  clipper.AddPaths(to_paths(region.rings), ClipperLib::jtRound, ClipperLib::etClosedPolygon);
+  for (const Polyline& ring : region.rings) {
+    clipper.AddPath(to_path(simplified(ring, kOffsetTolerance, true)), ClipperLib::jtRound,
+                    ClipperLib::etClosedPolygon);
+  }
   Paths result;
   clipper.Execute(result, by * kUnitsPerMm);
-  return to_region(result);
+  PlaneRegion grown = to_region(result);
+  for (Polyline& ring : grown.rings) ring = simplified(ring, kOffsetTolerance, true);
+  std::erase_if(grown.rings, [](const Polyline& ring) { return ring.size() < 3; });
+  return grown;
 }
 
 std::vector<Polyline> inside(const std::vector<Polyline>& lines, const PlaneRegion& region) {

@@ -28,7 +28,7 @@ PlaneRegion united(const std::vector<Polyline>& rings);
 PlaneRegion united(const PlaneRegion& a, const PlaneRegion& b);
 PlaneRegion common(const PlaneRegion& a, const PlaneRegion& b);
 PlaneRegion without(const PlaneRegion& a, const PlaneRegion& b);
-// Grown (by > 0) or shrunk, corners rounded to within 0.005 mm.
+// Grown (by > 0) or shrunk, to within 0.02 mm: round corners are chords.
 PlaneRegion offset(const PlaneRegion& region, double by);
 // Open lines: the pieces inside the region, in the order of the lines.
 std::vector<Polyline> inside(const std::vector<Polyline>& lines, const PlaneRegion& region);

@@ -29,6 +29,7 @@ struct Move {
 struct Path {
   std::vector<Move> moves;
   bool first_layer = false;  // deposition: its own feed
+  double feed_share = 1;     // of that feed: small layers are printed slower
 };
 
 enum class BlockKind { kMill, kPrint };

@@ -27,7 +27,7 @@ DepositionOptions options_for_tests() {
 Deposition printed(const TriangleMesh& block, const std::vector<const TriangleMesh*>& ground,
                    std::vector<const TriangleMesh*> obstacles = {}) {
   obstacles.insert(obstacles.end(), ground.begin(), ground.end());
-  return deposit(options_for_tests(), block, kUp, ground, obstacles, [] { return false; });
+  return deposit(options_for_tests(), block, kUp, {ground, {}, obstacles}, [] { return false; });
 }
 
 double length_at(const std::vector<Bead>& beads) {

@@ -46,7 +46,7 @@ struct Chain {
   void print() {
     BlockToolpath path{BlockKind::kPrint, Frame::along(Vec3::UnitZ()), {}};
     path.paths = deposit(deposition_options(rig, mode), *world.inputs.added, path.frame,
-                         {&*world.inputs.reused}, {}, [] { return false; })
+                         {{&*world.inputs.reused}, {}, {}}, [] { return false; })
                      .paths;
     blocks.push_back(std::move(path));
   }
