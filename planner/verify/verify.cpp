@@ -14,7 +14,7 @@ using namespace verify;
 
 constexpr double kFinePitch = 0.1;
 constexpr double kCoarsePitch = 0.2;
-constexpr double kColumnsMax = 4e6;
+constexpr double kColumnsMax = 1.2e7;
 constexpr double kBareShare = 0.05;   // of the added volume that may be without beads: thin edges
 constexpr double kBareLeast = 5.0;    // mm^3, likewise
 constexpr double kMissingArea = 0.5;  // mm^2 of surface that lacks more than 0.15 mm

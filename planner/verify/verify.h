@@ -4,7 +4,7 @@
 // folder as they were written, so that the planner, the command line and the daemon reach the same
 // bytes. A program passes exactly if there is no finding. Inputs in the part frame, mm.
 //
-// Limits: the stock's columns are `pitch` apart (0.1 mm; 0.2 mm for parts with more than 4 million
+// Limits: the stock's columns are `pitch` apart (0.1 mm; 0.2 mm for parts with more than 12 million
 // columns), bodies are tested there and not between; beads are stadiums of constant section; a
 // surface that was left too large is reported as deviation, and is a finding only where it is a
 // lump that the tools could have removed.
