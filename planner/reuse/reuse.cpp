@@ -42,6 +42,9 @@ Work work_for(Effort effort) {
   return {4, 5000, 9000, 12};
 }
 
+// The paper asks only that something still stands on the base.
+constexpr double kPaperFoot = 0.1;
+
 // One placed pair on its way to a plan.
 class Planning {
  public:
@@ -196,6 +199,7 @@ ClippingModel Planning::make_model() const {
   ClippingOptions options;
   options.clearance_mm = kClearance * pitch;
   options.lowered_mm = kLowered * pitch;
+  if (options_.mode == Mode::kPaper) options.foot_kept = kPaperFoot;
   // Points on V~_R's own surface are judged as the audit judges them: samples lie within it.
   options.watched_extra_mm = -2 * kClearance * pitch;
   ClippingModel model(standing_, pitch, tools_, fixture_, directions_with_bases(), options);
@@ -340,7 +344,13 @@ void Planning::prove_best(ClippingModel& model, std::vector<Clipping> found) {
                  std::make_move_iterator(mended.end()));
     found = reconsidered(model, std::move(found));
     if (found.empty()) {
-      if (auto offset = feasible_offset(model, again)) found.push_back(std::move(*offset));
+      // Not mended nearby: from farther away, and from what is surely feasible.
+      std::vector<Clipping> starts{again};
+      if (auto offset = feasible_offset(model, again)) starts.push_back(std::move(*offset));
+      mend.steps = work_.steps / 2;
+      mend.heat = 1;
+      mend.seed += 53;
+      found = searched(model, starts, mend);
     }
   }
 }
@@ -389,10 +399,10 @@ Result<Outcome> Planning::search() {
     search.chains = work_.chains;
     search.steps = work_.steps;
     search.should_stop = [this] { return stop(); };
-    found = searched(*model, {*start}, search);
-    if (found.empty()) {
-      if (auto offset = feasible_offset(*model, *start)) found.push_back(std::move(*offset));
-    }
+    // Half of the chains begin with what is wanted, half with what is feasible.
+    std::vector<Clipping> starts{*start};
+    if (auto offset = feasible_offset(*model, *start)) starts.push_back(std::move(*offset));
+    found = searched(*model, starts, search);
   }
   if (found.empty()) {
     faults_.push_back("With every position of the planes tried, " + std::to_string(start->blocked) +
@@ -436,11 +446,6 @@ Result<Outcome> Planning::run() {
 Result<Outcome> plan_reuse(const LoadedPart& initial, const LoadedPart& target,
                            const RigDescription& rig, const ReuseOptions& options,
                            StageTimes& times) {
-  if (options.setup == Setup::kPaper) {
-    return Error{Code::kUsage,
-                 "The published setup procedure is not offered yet; use --setup search, centroids "
-                 "or stored."};
-  }
   std::vector<std::string> reasons;
   std::vector<PlacedTarget> candidates;
   {
@@ -450,6 +455,10 @@ Result<Outcome> plan_reuse(const LoadedPart& initial, const LoadedPart& target,
   std::optional<Outcome> answer;
   for (const PlacedTarget& candidate : candidates) {
     auto outcome = Planning(initial, candidate, rig, options, times).run();
+    if (!outcome && outcome.error().code == Code::kBooleanFailed &&
+        &candidate != &candidates.back()) {
+      continue;  // another pose may have volumes
+    }
     if (!outcome) return outcome.error();
     if (std::holds_alternative<ReusePlan>(*outcome)) return outcome;
     if (!answer) answer = std::move(*outcome);
