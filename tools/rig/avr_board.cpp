@@ -409,6 +409,7 @@ void AvrBoard::reset(BoardReset cause) {
 // The instruction it stands at becomes a jump to itself, until the next reset.
 void AvrBoard::hang() {
   Chip& c = *chip_;
+  if (c.hanging) return;
   c.hang_pc = c.avr->pc;
   std::memcpy(c.hang_instruction, c.avr->flash + c.hang_pc, 2);
   const uint8_t jump_to_itself[2] = {0xFF, 0xCF};
