@@ -33,6 +33,11 @@ class PlannedWork {
   void begin(int block, std::size_t line);
   // The tool cuts or deposits from a to b.
   void add(const Vec3& a, const Vec3& b, double bead_mm3);
+  // The spindle starts anew in the block's midst: a job that was interrupted and goes on, with a
+  // way back into the material that nobody planned. The block is not compared.
+  void restarted() {
+    if (done_.length_mm > 0) planned_.reset();
+  }
   void end(std::size_t line);
 
  private:

@@ -148,6 +148,9 @@ void Replay::settle_link(bool at_rest) {
 
 void Replay::interpret(const gcode::Action& action, const ModalState& before) {
   if (action.spindle_changed) spindle();
+  if (before.spindle == gcode::Spindle::kOff && state_.spindle != gcode::Spindle::kOff) {
+    planned_.restarted();
+  }
   switch (action.kind) {
     case gcode::Action::Kind::kNothing:
       break;

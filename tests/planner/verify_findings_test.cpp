@@ -111,6 +111,20 @@ TEST(VerifyFindings, ABlockThatDoesOtherWorkThanPlannedIsFound) {
   }
 }
 
+// As a recovered job has it: what was done, a bridge and a preamble, and the rest.
+TEST(VerifyFindings, ABlockInWhichTheSpindleStartsAnewIsNotComparedWithItsPlan) {
+  World world;
+  const std::string block = "; block 01 mill direction 0.000000 0.000000 1.000000";
+  world.lines.insert(world.lines.begin() + static_cast<std::ptrdiff_t>(world.find(block)) + 1,
+                     "; work 1.000 about X0.000000 Y0.000000 Z0.000000 beads 0.000");
+  EXPECT_TRUE(has(world.verify(), Fault::kNotAsPlanned));
+  for (const char* line : {"M5", "G0 Z80", "M3 S12000", "G4 P2", "G1 Z6 F300", "F800"}) {
+    world.insert_before("G1 Y-1.250 F800", line);
+  }
+  const Verification v = world.verify();
+  EXPECT_TRUE(v.pass) << all_of(v);
+}
+
 TEST(VerifyFindings, APlaceOnNoMachineIsRefusedInAnyMode) {
   World world;
   world.inputs.mode = Mode::kPaper;
