@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <termios.h>
 
+#include <cerrno>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -150,6 +151,28 @@ TEST(Ports, AFileInThePlaceOfTheLinkIsLeftAlone) {
   std::ofstream(folder.path / "cnc") << "mine";
   EXPECT_FALSE(PtyPort::create(folder.path / "cnc").ok());
   EXPECT_TRUE(std::filesystem::is_regular_file(folder.path / "cnc"));
+}
+
+TEST(Ports, APulledCableIsAHangUpAndComesBackUnderItsOrAnothersName) {
+  ScratchFolder folder;
+  auto cnc = PtyPort::create(folder.path / "cnc");
+  auto extruder = PtyPort::create(folder.path / "extruder");
+  ASSERT_TRUE(cnc && extruder);
+  const int fd = ::open((folder.path / "cnc").c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK);
+  ASSERT_GE(fd, 0);
+  cnc->unplug();
+  extruder->unplug();
+  EXPECT_FALSE(std::filesystem::exists(std::filesystem::symlink_status(folder.path / "cnc")));
+  EXPECT_EQ(::write(fd, "x", 1), -1);
+  EXPECT_EQ(errno, EIO);
+  ::close(fd);
+  EXPECT_EQ(cnc->read(), "");
+  EXPECT_EQ(cnc->write("lost"), 0u);
+  PtyPort::swap_names(*cnc, *extruder);
+  ASSERT_TRUE(cnc->plug());
+  ASSERT_TRUE(extruder->plug());
+  EXPECT_EQ(std::filesystem::read_symlink(folder.path / "extruder"), cnc->device());
+  EXPECT_EQ(std::filesystem::read_symlink(folder.path / "cnc"), extruder->device());
 }
 
 }  // namespace
