@@ -192,7 +192,8 @@ Result<Placement> place(const TriangleMesh& mesh, const std::string& name,
 
 Vec3 Placement::apply(const Vec3& in_file) const {
   const Vec3 base = turned ? Vec3(-in_file.y(), in_file.x(), in_file.z()) : in_file;
-  return base + translation;
+  if (rotation.isIdentity(0)) return base + translation;
+  return rotation * base + translation;
 }
 
 TriangleMesh Placement::apply(const TriangleMesh& in_file) const {

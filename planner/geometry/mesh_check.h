@@ -21,10 +21,12 @@
 
 namespace reforge {
 
-// From file coordinates to the part frame: a quarter turn about z, or none, then a translation.
-// Translations in x and y are multiples of 2^-10 mm, so that coordinates lose no digits by them.
+// From file coordinates to the part frame: a quarter turn about z, or none, then a rotation (the
+// identity but for targets that a setup turns), then a translation. Without rotation, translations
+// in x and y are multiples of 2^-10 mm, so that coordinates lose no digits by them.
 struct Placement {
   bool turned = false;  // (x, y) -> (-y, x)
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Vec3 translation = Vec3::Zero();
 
   Vec3 apply(const Vec3& in_file) const;

@@ -112,10 +112,8 @@ std::int32_t VoxelSet::number_at(const Vec3& at) const {
                 static_cast<int>(std::floor(cell.z())));
 }
 
-VoxelSet sample(const TriangleMesh& solid, const VoxelGrid& grid) {
-  VoxelSet set;
-  set.grid = grid;
-  set.numbers.assign(grid.cells(), -1);
+std::vector<std::uint8_t> occupancy(const TriangleMesh& solid, const VoxelGrid& grid) {
+  std::vector<std::uint8_t> is_inside(grid.cells(), 0);
   auto columns = crossings(solid, grid);
   for (int j = 0; j < grid.size[1]; ++j) {
     for (int i = 0; i < grid.size[0]; ++i) {
@@ -129,17 +127,25 @@ VoxelSet sample(const TriangleMesh& solid, const VoxelGrid& grid) {
         const double z = grid.origin.z() + grid.pitch_mm * k;
         while (next < column.size() && column[next].z <= z) winding += column[next++].turn;
         if (winding > 0) {
-          set.numbers[(static_cast<std::size_t>(k) * grid.size[1] + j) * grid.size[0] + i] = 0;
+          is_inside[(static_cast<std::size_t>(k) * grid.size[1] + j) * grid.size[0] + i] = 1;
         }
       }
     }
   }
+  return is_inside;
+}
+
+VoxelSet sample(const TriangleMesh& solid, const VoxelGrid& grid) {
+  VoxelSet set;
+  set.grid = grid;
+  set.numbers.assign(grid.cells(), -1);
+  const auto is_inside = occupancy(solid, grid);
   std::int32_t count = 0;
   std::size_t cell = 0;
   for (int k = 0; k < grid.size[2]; ++k) {
     for (int j = 0; j < grid.size[1]; ++j) {
       for (int i = 0; i < grid.size[0]; ++i, ++cell) {
-        if (set.numbers[cell] < 0) continue;
+        if (!is_inside[cell]) continue;
         set.numbers[cell] = count++;
         set.voxels.push_back({i, j, k});
         set.points.push_back(grid.centre(i, j, k));

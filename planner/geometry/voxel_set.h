@@ -48,6 +48,8 @@ struct VoxelSet {
 };
 
 VoxelSet sample(const TriangleMesh& solid, const VoxelGrid& grid);
+// By cell (k, then j, then i): 1 where the voxel's centre lies inside. The cheap part of sample().
+std::vector<std::uint8_t> occupancy(const TriangleMesh& solid, const VoxelGrid& grid);
 
 enum class Connectivity { kFaces = 6, kCorners = 26 };
 

@@ -56,6 +56,15 @@ const char* name_of(Effort effort) {
   return "";
 }
 
+json rows_of(const Eigen::Matrix3d& rotation) {
+  const auto clean = [](double x) { return std::round(x * 1e9) / 1e9 + 0.0; };
+  json rows = json::array();
+  for (int i = 0; i < 3; ++i) {
+    rows.push_back({clean(rotation(i, 0)), clean(rotation(i, 1)), clean(rotation(i, 2))});
+  }
+  return rows;
+}
+
 json common_part(const PlanFacts& facts, const Placement& initial, const Placement& target) {
   json seconds, cpu_seconds;
   for (const char* stage : kStages) seconds[stage] = cpu_seconds[stage] = 0.0;
@@ -81,6 +90,7 @@ json common_part(const PlanFacts& facts, const Placement& initial, const Placeme
           {"placement",
            {{"initial_translation", vector_of(initial.translation)},
             {"initial_turned_deg", initial.turned ? 90 : 0},
+            {"target_rotation", rows_of(target.rotation)},
             {"target_translation", vector_of(target.translation)},
             {"target_turned_deg", target.turned ? 90 : 0}}},
           {"notes", facts.notes}};

@@ -5,9 +5,8 @@
 // over local planes → exact cuts → audit. The plan returned has passed the audit on its exact
 // volumes: every base plano-convex, every sample of V_S and V_A within reach. Among the stages'
 // feasible clippings the one that keeps most is taken. Deterministic: same inputs and options, same
-// bytes, unless time_limit_s or should_stop cuts the search short. Limits of this version: `paper`
-// setup (appendix D) is not offered and refused; `search` is the better of `stored` and
-// `centroids`; one plane per base; paper's Eq. 2 sums weights.
+// bytes, unless time_limit_s or should_stop cuts the search short. Limits of this version:
+// of several setups the first with a plan is taken; one plane per base; paper's Eq. 2 sums weights.
 #pragma once
 
 #include <cstdint>

@@ -4,16 +4,31 @@
 #include <cmath>
 
 #include "planner/geometry/mesh_io.h"
-#include "planner/geometry/voxel_set.h"
+#include "planner/reuse/setup_paper.h"
+#include "planner/reuse/setup_search.h"
 
 namespace reforge {
 namespace {
 
 constexpr double kAboveBottom = 0.5;  // mm, where the bottom's cross-section is taken
 constexpr double kOnBase = 1e-3;      // mm
+constexpr double kFlat = 2e-5;        // mm; what turning may lift of a flat bottom
+constexpr std::size_t kMost = 4;      // candidates
+constexpr double kWorthATurn = 0.01;  // of M*
 
 PlacedTarget placed(const LoadedPart& target, const Placement& placement, const char* setup) {
-  return {rounded_to_float(placement.apply(target.in_file)), placement, setup};
+  return {rounded_to_float(placement.apply(target.in_file)), placement, setup, 0};
+}
+
+PlacedTarget by_pose(const LoadedPart& target, const Pose& pose, const char* setup) {
+  Placement placement;
+  placement.rotation = pose.rotation;
+  placement.translation = pose.translation;
+  PlacedTarget result = placed(target, placement, setup);
+  for (Vec3& vertex : result.mesh.vertices) {
+    if (std::abs(vertex.z()) < kFlat) vertex.z() = 0;
+  }
+  return result;
 }
 
 PlacedTarget by_centroids(const LoadedPart& initial, const LoadedPart& target) {
@@ -23,6 +38,16 @@ PlacedTarget by_centroids(const LoadedPart& initial, const LoadedPart& target) {
   placement.translation +=
       Vec3(std::round(shift.x() * 1024) / 1024, std::round(shift.y() * 1024) / 1024, 0);
   return placed(target, placement, "centroids");
+}
+
+bool same(const Placement& a, const Placement& b) {
+  return a.turned == b.turned && (a.translation - b.translation).norm() < kOnBase;
+}
+
+bool fits(const Box3& target, const Box3& initial, const RigDescription& rig) {
+  const Vec3 size = target.merged(initial).sizes();
+  return size.x() <= rig.working_space_mm.x && size.y() <= rig.working_space_mm.y &&
+         size.z() <= rig.working_space_mm.z;
 }
 
 // Whether a placement is possible at all; if not, a sentence is added to `why`.
@@ -35,26 +60,32 @@ bool possible(const PlacedTarget& candidate, const LoadedPart& initial, const Ri
                   (box.min().z() < 0 ? "below" : "above") + " the initial part's.");
     return false;
   }
-  const Vec3 size = box.merged(bounds(initial.mesh)).sizes();
-  if (size.x() > rig.working_space_mm.x || size.y() > rig.working_space_mm.y ||
-      size.z() > rig.working_space_mm.z) {
+  if (!fits(box, bounds(initial.mesh), rig)) {
     why.push_back("Setup " + candidate.setup + ": both parts together leave the working space.");
     return false;
   }
   return true;
 }
 
-// Share of the target's volume that lies in the initial part, by sample points.
-double common_share(const TriangleMesh& initial, const TriangleMesh& target) {
-  const double pitch = std::clamp(std::cbrt(volume(target) / 40000), 0.25, 2.0);
-  const VoxelGrid grid = VoxelGrid::over(bounds(target), pitch);
-  const VoxelSet of_target = sample(target, grid), of_initial = sample(initial, grid);
-  std::size_t common = 0;
-  for (std::size_t cell = 0; cell < of_target.numbers.size(); ++cell) {
-    common += of_target.numbers[cell] >= 0 && of_initial.numbers[cell] >= 0;
+// Adds the poses found to the registered ones, and puts the most promising first.
+void search(std::vector<PlacedTarget>& candidates, const LoadedPart& initial,
+            const LoadedPart& target, const RigDescription& rig) {
+  const PoseSampler sampler(initial.mesh, target.in_file);
+  const Box3 around = bounds(initial.mesh);
+  const PoseSearch found = search_poses(sampler, initial, target, kMost - candidates.size(),
+                                        [&](const Box3& box) { return fits(box, around, rig); });
+  double registered = 0;
+  for (PlacedTarget& candidate : candidates) {
+    candidate.share = common_share(initial.mesh, candidate.mesh).standing;
+    registered = std::max(registered, candidate.share);
   }
-  return static_cast<double>(common) /
-         static_cast<double>(std::max<std::size_t>(of_target.size(), 1));
+  for (const Pose& pose : found.best) {
+    PlacedTarget candidate = by_pose(target, pose, "search");
+    candidate.share = common_share(initial.mesh, candidate.mesh).standing;
+    if (candidate.share > registered + kWorthATurn) candidates.push_back(std::move(candidate));
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const PlacedTarget& a, const PlacedTarget& b) { return a.share > b.share; });
 }
 
 }  // namespace
@@ -90,15 +121,27 @@ std::vector<PlacedTarget> place_target(const LoadedPart& initial, const LoadedPa
                                        const RigDescription& rig, Setup setup,
                                        std::vector<std::string>& why) {
   std::vector<PlacedTarget> candidates;
+  if (setup == Setup::kPaper) {
+    const PoseSampler sampler(initial.mesh, target.in_file);
+    const Box3 around = bounds(initial.mesh);
+    const auto pose = paper_pose(sampler, initial, target, {},
+                                 [&](const Box3& box) { return fits(box, around, rig); });
+    if (pose) {
+      candidates.push_back(by_pose(target, *pose, "paper"));
+    } else {
+      why.push_back("Setup paper: in no orientation do both parts fit the working space.");
+    }
+    return candidates;
+  }
   if (setup != Setup::kCentroids) candidates.push_back(placed(target, initial.placement, "stored"));
   if (setup != Setup::kStored) candidates.push_back(by_centroids(initial, target));
+  if (candidates.size() == 2 && same(candidates[0].placement, candidates[1].placement)) {
+    candidates.pop_back();
+  }
   std::erase_if(candidates, [&](const PlacedTarget& candidate) {
     return !possible(candidate, initial, rig, why);
   });
-  if (candidates.size() == 2 && common_share(initial.mesh, candidates[1].mesh) >
-                                    common_share(initial.mesh, candidates[0].mesh) + 1e-3) {
-    std::swap(candidates[0], candidates[1]);
-  }
+  if (setup == Setup::kSearch) search(candidates, initial, target, rig);
   return candidates;
 }
 

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kSkin = 2e-3;         // mm
 constexpr double kOnBase = 1e-3;       // mm above z = 0
+constexpr double kFootHeight = 0.5;    // mm, where a foot that is not flat is measured
 constexpr double kSmallestFoot = 0.1;  // mm^2
 
 // A connected shell of one region's boundary.
@@ -66,8 +67,8 @@ void drop_slivers(CellComplex& complex, Region region, double thinner_than_mm) {
   tidy(complex);
 }
 
-// Area of a shell's triangles that lie on the base.
-double standing_area(const TriangleMesh& surface) {
+// Area of a surface's triangles that lie on the base.
+double flat_foot(const TriangleMesh& surface) {
   double standing = 0;
   for (const auto& [a, b, c] : surface.triangles) {
     const auto& v = surface.vertices;
@@ -75,6 +76,31 @@ double standing_area(const TriangleMesh& surface) {
     standing += (v[b] - v[a]).cross(v[c] - v[a]).norm() / 2;
   }
   return standing;
+}
+
+// Area of the cross-section a little above the base.
+double section_area(const TriangleMesh& surface) {
+  double twice_area = 0;
+  for (const auto& triangle : surface.triangles) {
+    Vec3 from = Vec3::Zero(), to = Vec3::Zero();  // inside on the left
+    bool crosses_it = false;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3& a = surface.vertices[triangle[k]];
+      const Vec3& b = surface.vertices[triangle[(k + 1) % 3]];
+      if ((a.z() < kFootHeight) == (b.z() < kFootHeight)) continue;
+      const Vec3 at = a + (b - a) * ((kFootHeight - a.z()) / (b.z() - a.z()));
+      (a.z() < kFootHeight ? to : from) = at;
+      crosses_it = true;
+    }
+    if (crosses_it) twice_area += from.x() * to.y() - from.y() * to.x();
+  }
+  return twice_area / 2;
+}
+
+// Whether a piece reaches the base and has a foot there, flat or rounded.
+bool stands(const TriangleMesh& surface) {
+  if (bounds(surface).min().z() > kOnBase) return false;
+  return flat_foot(surface) >= kSmallestFoot || section_area(surface) >= kSmallestFoot;
 }
 
 // A facet with its box, for asking what lies just beyond another facet.
@@ -234,7 +260,7 @@ double set_loose_pieces_free(CellComplex& complex) {
   std::vector<bool> loose(shells.size(), false);
   double freed = 0;
   for (std::size_t i = 0; i < shells.size(); ++i) {
-    loose[i] = volume(shells[i].surface) > 0 && standing_area(shells[i].surface) < kSmallestFoot;
+    loose[i] = volume(shells[i].surface) > 0 && !stands(shells[i].surface);
   }
   for (std::size_t i = 0; i < shells.size(); ++i) {
     const double shell_volume = volume(shells[i].surface);
@@ -250,10 +276,6 @@ double set_loose_pieces_free(CellComplex& complex) {
   }
   tidy(complex);
   return freed;
-}
-
-double foot_area(const CellComplex& complex) {
-  return standing_area(surface_of(complex, in(kReused)));
 }
 
 }  // namespace reforge

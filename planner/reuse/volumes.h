@@ -42,10 +42,9 @@ constexpr double kMachineTolerance = 0.02;  // mm
 Result<Volumes> ideal_volumes(const TriangleMesh& initial, const TriangleMesh& target,
                               double tolerance_mm = kMachineTolerance);
 
-// Moves pieces of V_R that do not stand on z = 0 to V_T; returns their volume.
+// Moves pieces of V_R that do not stand on z = 0 to V_T; returns their volume. A piece stands that
+// reaches z = 0 and has a foot of 0.1 mm^2: flat, or its cross-section 0.5 mm higher. (What a
+// fixture can hold is asked by fixture.h.)
 double set_loose_pieces_free(CellComplex& complex);
-
-// The area on which V_R stands, mm^2.
-double foot_area(const CellComplex& complex);
 
 }  // namespace reforge
