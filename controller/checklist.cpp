@@ -2,10 +2,20 @@
 
 namespace reforge {
 
-Checklist::Checklist(bool prints) {
-  items_ = {{"stock", "The stock is the job's initial model, clamped on the pedestal.", ""},
+Checklist::Checklist(bool prints, bool recovers) {
+  items_ = {{"stock",
+             recovers ? "The part is clamped as the interrupted job left it."
+                      : "The stock is the job's initial model, clamped on the pedestal.",
+             ""},
             {"zero", "G54 is set to the part's origin with both rotary axes at 0.", ""},
             {"tool", "The cutter is the rig file's, sound and tight.", ""}};
+  if (recovers) {
+    items_.push_back({"homed",
+                      "The machine was homed since; a nozzle in the part was heated first "
+                      "(reheat), and stands clear of it.",
+                      ""});
+    items_.push_back({"preamble", "The preamble that recover has shown was read and may run.", ""});
+  }
   if (!prints) return;
   items_.push_back({"filament", "Enough filament of the right kind is loaded.", ""});
   items_.push_back(

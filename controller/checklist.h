@@ -15,8 +15,8 @@ namespace reforge {
 
 class Checklist {
  public:
-  // `prints`: the program opens the extruder module.
-  explicit Checklist(bool prints);
+  // `prints`: the program opens the extruder module. `recovers`: it finishes an interrupted job.
+  Checklist(bool prints, bool recovers);
 
   // The item's place, or an error that names the items there are.
   Result<std::size_t> find(const std::string& item) const;

@@ -88,11 +88,11 @@ Result<RigDescription> rig_for(const DaemonConfig& config) {
   return rig;
 }
 
-DaemonEnd run_daemon(const DaemonConfig& config) {
+DaemonEnd run_daemon(DaemonConfig config, const std::filesystem::path& file) {
   asio::io_context io;
   auto parts = make_parts(io, config);
   if (!parts) return {exit_code_of(parts.error().code), parts.error().sentence};
-  Daemon daemon(io, config, std::move(*parts));
+  Daemon daemon(io, config, file, std::move(*parts));
   if (Status open = daemon.open_door(); !open) {
     return {exit_code_of(open.error().code), open.error().sentence};
   }

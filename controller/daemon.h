@@ -25,8 +25,9 @@ struct DaemonEnd {
   std::string sentence;
 };
 
-// Runs until SIGTERM, SIGINT or an administrator's shutdown.
-DaemonEnd run_daemon(const DaemonConfig& config);
+// Runs until SIGTERM, SIGINT or an administrator's shutdown. SIGHUP reads `file` again: who may do
+// what at once, bounds and verifier when no job has the rig, everything else at the next start.
+DaemonEnd run_daemon(DaemonConfig config, const std::filesystem::path& file);
 
 // Also what `reforged --check` looks at: the rig file, and whether it allows these ports.
 Result<RigDescription> rig_for(const DaemonConfig& config);

@@ -22,7 +22,8 @@ using boost::system::error_code;
 using nlohmann::json;
 
 constexpr auto kProgressPeriod = std::chrono::milliseconds(100);  // of wall time: it is for people
-constexpr auto kEndPatience = std::chrono::seconds(10);           // for the core to end a job
+constexpr auto kStreamOverdue = std::chrono::seconds(2);
+constexpr auto kEndPatience = std::chrono::seconds(10);  // for the core to end a job
 
 CoreOptions core_options(const DaemonConfig& config) {
   std::random_device random;
@@ -34,9 +35,11 @@ CoreOptions core_options(const DaemonConfig& config) {
 
 }  // namespace
 
-Daemon::Daemon(asio::io_context& io, const DaemonConfig& config, DaemonParts parts)
+Daemon::Daemon(asio::io_context& io, DaemonConfig& config, std::filesystem::path file,
+               DaemonParts parts)
     : io_(io),
       config_(config),
+      config_file_(std::move(file)),
       rig_(parts.rig),
       clock_(std::move(parts.clock)),
       virtual_clock_(parts.virtual_clock),
@@ -52,7 +55,7 @@ Daemon::Daemon(asio::io_context& io, const DaemonConfig& config, DaemonParts par
              }),
       core_(rig_, std::move(parts.cnc), core_options(config)),
       links_(make_links()),
-      signals_(io, SIGTERM, SIGINT),
+      signals_(io, SIGTERM, SIGINT, SIGHUP),
       progress_timer_(io),
       watchdog_timer_(io),
       end_timer_(io),
@@ -81,8 +84,10 @@ std::unique_ptr<RigLinks> Daemon::make_links() {
     return std::make_unique<SimulatedRig>(rig_, *clock_, std::move(handlers));
   }
   return std::make_unique<RigPorts>(
-      io_, *clock_, virtual_clock_, RigPorts::Port{config_.cnc.path.string(), rig_.cnc.baud},
-      RigPorts::Port{config_.extruder.path.string(), static_cast<int>(wire::kBaud)},
+      io_, *clock_, virtual_clock_,
+      RigPorts::Port{config_.cnc.path.string(), rig_.cnc.baud, service::inherited("CNC")},
+      RigPorts::Port{config_.extruder.path.string(), static_cast<int>(wire::kBaud),
+                     service::inherited("extruder")},
       std::move(handlers));
 }
 
@@ -90,7 +95,8 @@ Status Daemon::open_door() {
   auto door = OperatorServer::listen(
       io_,
       {config_.socket, static_cast<std::size_t>(config_.clients_max), role_mapping(config_),
-       json{{"daemon", "reforged " REFORGE_VERSION}, {"rig", rig_.name}}},
+       json{{"daemon", "reforged " REFORGE_VERSION}, {"rig", rig_.name}},
+       service::inherited("reforged.socket")},
       [this](Call call) { obey(std::move(call)); });
   if (!door) return door.error();
   door_ = std::move(*door);
@@ -98,9 +104,7 @@ Status Daemon::open_door() {
 }
 
 DaemonEnd Daemon::run() {
-  signals_.async_wait([this](const error_code& failed, int signal) {
-    if (!failed) begin_end(std::string("signal ") + strsignal(signal));
-  });
+  await_signal();
   links_->begin();
   queue_.begin_verifying();
   if (virtual_clock_ != nullptr) follow_virtual_clock();
@@ -113,6 +117,42 @@ DaemonEnd Daemon::run() {
   door_.reset();
   links_->end();
   return end_;
+}
+
+void Daemon::await_signal() {
+  signals_.async_wait([this](const error_code& failed, int signal) {
+    if (failed) return;
+    if (signal == SIGHUP) {
+      reload();
+    } else {
+      begin_end(std::string("signal ") + strsignal(signal));
+    }
+    await_signal();
+  });
+}
+
+void Daemon::reload() {
+  service::reloading();
+  const auto fresh = read_config(config_file_);
+  if (!fresh) {
+    perform(Note{Note::Level::kError, "Not reloaded: " + fresh.error().sentence});
+  } else {
+    config_.observe = fresh->observe;
+    config_.operate = fresh->operate;
+    config_.administer = fresh->administer;
+    const bool free = !has_job(core_.snapshot().state);
+    if (free) {
+      config_.clients_max = fresh->clients_max;
+      config_.waiting_jobs_max = fresh->waiting_jobs_max;
+      config_.verifier = fresh->verifier;
+    }
+    door_->set_policy(static_cast<std::size_t>(config_.clients_max), role_mapping(config_));
+    perform(Note{Note::Level::kInfo,
+                 free ? "Roles, bounds and verifier are those of " + config_file_.string() + "."
+                      : "Roles are those of " + config_file_.string() +
+                            "; a job has the rig, so bounds and verifier stay as they were."});
+  }
+  service::ready(std::string(name(core_.snapshot().state)) + ".");
 }
 
 void Daemon::follow_virtual_clock() {
@@ -157,12 +197,15 @@ void Daemon::perform(const RequestHorizon& action) {
 }
 
 void Daemon::perform(const Acknowledged& action) {
+  service::job_is(static_cast<std::int64_t>(action.job), action.certainty.acknowledged);
   journal_.write(
       journal::Acknowledge{action.job, action.certainty, core_.snapshot().relayed, machine_s()});
 }
 
 void Daemon::perform(const JobChanged& action) {
+  service::job_is(static_cast<std::int64_t>(action.job), action.certainty.acknowledged);
   queue_.changed(action, machine_s());
+  if (is_over(action.state) || action.state == JobState::kReady) service::job_is(0, 0);
 }
 
 void Daemon::perform(const StateChanged& action) {
@@ -220,10 +263,17 @@ void Daemon::tell_progress() {
   });
 }
 
+// The core is asked again before its deadline, or the stream stands although this loop turns. A
+// virtual clock may stand for as long as it likes.
+bool Daemon::stream_is_alive() const {
+  return virtual_clock_ != nullptr || core_.next_deadline() == kNever ||
+         clock_->now() < core_.next_deadline() + kStreamOverdue;
+}
+
 void Daemon::feed_watchdog() {
   const auto period = service::watchdog_period();
   if (!period) return;
-  service::alive();
+  if (stream_is_alive()) service::alive();
   watchdog_timer_.expires_after(*period);
   watchdog_timer_.async_wait([this](const error_code& failed) {
     if (!failed) feed_watchdog();

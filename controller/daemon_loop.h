@@ -36,7 +36,9 @@ struct DaemonParts {
 
 class Daemon {
  public:
-  Daemon(boost::asio::io_context& io, const DaemonConfig& config, DaemonParts parts);
+  // `config` changes when it is reloaded from `file`.
+  Daemon(boost::asio::io_context& io, DaemonConfig& config, std::filesystem::path file,
+         DaemonParts parts);
   Status open_door();
   DaemonEnd run();
 
@@ -57,6 +59,7 @@ class Daemon {
 
   // The operators.
   void obey(Call call);
+  void recover(const Call& call, api::Params& params);
   void obey_later(const Call& call, api::Params& params);
   Answer obey_now(const Call& call, api::Params& params);
   Answer start(JobId job);
@@ -69,13 +72,17 @@ class Daemon {
 
   void journal_trouble(const std::string& sentence);
   void tell_progress();
+  void await_signal();
+  void reload();
+  bool stream_is_alive() const;
   void feed_watchdog();
   void follow_virtual_clock();
   void begin_end(const std::string& why);
   void end_when_safe();
 
   boost::asio::io_context& io_;
-  const DaemonConfig& config_;
+  DaemonConfig& config_;
+  std::filesystem::path config_file_;
   RigDescription rig_;
   std::unique_ptr<Clock> clock_;
   VirtualClock* virtual_clock_;

@@ -20,6 +20,10 @@ std::int64_t number(JobId job) {
   return static_cast<std::int64_t>(job);
 }
 
+Checklist fresh_checklist(const journal::StoredJob& job) {
+  return {job.submitted.prints, job.submitted.recovers.has_value()};
+}
+
 bool waits(JobState state) {
   return state <= JobState::kReady;
 }
@@ -91,25 +95,64 @@ void JobQueue::submit(const std::string& path, const std::string& who,
                                           config_.rig.string() + "; plan it again for this rig."});
       return;
     }
-    journal::StoredJob job;
-    job.submitted = {taken->job.name,
-                     taken->folder,
-                     taken->job.program_sha256,
-                     taken->job.rig_sha256,
-                     taken->job.mode == Mode::kPaper ? "paper" : "strict",
-                     taken->job.lines,
-                     taken->job.estimated_s,
-                     who,
-                     taken->job.prints};
-    journal_.write(journal::AddJob{job.submitted}, [this, job, done](JobId id) mutable {
-      job.id = id;
-      job.submitted_at = job.changed_at = journal::now_utc();
-      jobs_.emplace(id, std::move(job));
-      done(id);
-      on_changed_(id);
-      verify_next();
-    });
+    add(new_job(*taken, who), done);
   });
+}
+
+journal::NewJob JobQueue::new_job(const TakenIn& taken, const std::string& who) {
+  journal::NewJob job;
+  job.name = taken.job.name;
+  job.folder = taken.folder;
+  job.program_sha256 = taken.job.program_sha256;
+  job.rig_sha256 = taken.job.rig_sha256;
+  job.mode = taken.job.mode == Mode::kPaper ? "paper" : "strict";
+  job.lines = taken.job.lines;
+  job.estimated_s = taken.job.estimated_s;
+  job.submitted_by = who;
+  job.prints = taken.job.prints;
+  return job;
+}
+
+void JobQueue::add(journal::NewJob job, std::function<void(Result<JobId>)> done) {
+  journal_.write(journal::AddJob{job}, [this, job, done = std::move(done)](JobId id) {
+    journal::StoredJob stored;
+    stored.submitted = job;
+    stored.id = id;
+    stored.submitted_at = stored.changed_at = journal::now_utc();
+    const LineNumber before = job.first_line - 1;
+    stored.certainty = {before, before, before, before};
+    jobs_.emplace(id, std::move(stored));
+    done(id);
+    on_changed_(id);
+    verify_next();
+  });
+}
+
+void JobQueue::recover(JobId id, RecoveryRequest request, const std::string& who,
+                       std::function<void(Result<Recovered>)> done) {
+  if (Status known = exists(id); !known) return done(known.error());
+  const journal::StoredJob& job = jobs_.at(id);
+  if (!is_over(job.state) || job.state == JobState::kDone) {
+    return done(Error{Code::kRefused, "Only a job that ended early can be recovered; job " +
+                                          std::to_string(number(id)) + " is " +
+                                          api::name_of(job.state) + "."});
+  }
+  request.certainty = job.certainty;
+  request.sent_known = job.sent_known;
+  request.first_line = job.submitted.first_line;
+  intake_.recover(
+      job.submitted.folder, job.submitted.lines, request,
+      [this, id, who, name = job.submitted.name, done](const Result<RecoveredFolder>& made) {
+        if (!made) return done(made.error());
+        journal::NewJob next = new_job(made->taken, who);
+        next.name = name + " from line " + std::to_string(made->plan.from);
+        next.recovers = id;
+        next.first_line = made->plan.first_line;
+        add(next, [plan = made->plan, done](const Result<JobId>& added) {
+          if (!added) return done(added.error());
+          done(Recovered{*added, plan});
+        });
+      });
 }
 
 Status JobQueue::exists(JobId job) const {
@@ -129,9 +172,8 @@ Result<JobOrder> JobQueue::order(JobId id) const {
     return Error{Code::kRefused, "Job " + std::to_string(number(id)) + " is " +
                                      api::name_of(job.state) + ", not ready" + why};
   }
-  if (const std::string missing = checklists_.contains(id)
-                                      ? checklists_.at(id).missing()
-                                      : Checklist(job.submitted.prints).missing();
+  if (const std::string missing =
+          checklists_.contains(id) ? checklists_.at(id).missing() : fresh_checklist(job).missing();
       !missing.empty()) {
     return Error{Code::kRefused, "Job " + std::to_string(number(id)) +
                                      " is not set up: look at the rig and confirm " + missing +
@@ -140,11 +182,12 @@ Result<JobOrder> JobQueue::order(JobId id) const {
   const auto program = ProgramFile::open(folder_of(job) / "program.nc", job.submitted.lines);
   if (!program) return program.error();
   return JobOrder{id, job.submitted.name,
-                  job.submitted.mode == "paper" ? Mode::kPaper : Mode::kStrict, *program};
+                  job.submitted.mode == "paper" ? Mode::kPaper : Mode::kStrict, *program,
+                  job.submitted.first_line};
 }
 
 Checklist& JobQueue::checklist(JobId id) {
-  return checklists_.try_emplace(id, jobs_.at(id).submitted.prints).first->second;
+  return checklists_.try_emplace(id, fresh_checklist(jobs_.at(id))).first->second;
 }
 
 void JobQueue::confirm(JobId id, const std::vector<std::string>& items, const std::string& who,
@@ -185,7 +228,7 @@ void JobQueue::admit(JobId id, const std::string& why, const std::string& who,
   if (Status known = exists(id); !known) return done(known);
   const journal::StoredJob& job = jobs_.at(id);
   // A job that has run has a horizon.
-  if (job.state != JobState::kFailed || job.certainty.horizon > 0) {
+  if (job.state != JobState::kFailed || job.certainty.horizon >= job.submitted.first_line) {
     return done(Error{Code::kRefused,
                       "Only a job that failed its verification can be admitted; job " +
                           std::to_string(number(id)) + " is " + api::name_of(job.state) + "."});
@@ -233,6 +276,8 @@ void JobQueue::verify_next() {
   for (auto& [id, job] : jobs_) {
     if (job.state != JobState::kQueued) continue;
     std::vector<std::string> command = config_.verifier.command;
+    // Nobody has certified a recovered program before.
+    if (job.submitted.recovers) command.emplace_back("--write");
     command.push_back(folder_of(job).string());
     auto child = ChildProcess::run(
         io_, command, {config_.verifier.memory_mib, config_.verifier.seconds},
@@ -331,13 +376,13 @@ api::JobReport JobQueue::report(JobId id) const {
   out.toggles = job.toggles;
   out.machine_s = job.machine_s;
   out.estimated_s = job.submitted.estimated_s;
+  if (job.submitted.recovers) out.recovers = number(*job.submitted.recovers);
   if (is_over(job.state) && job.state != JobState::kDone) {
     out.uncertain = uncertain_lines(job.certainty, job.sent_known);
   }
   if (waits(job.state)) {
     const auto list = checklists_.find(id);
-    out.checklist =
-        list != checklists_.end() ? list->second.items() : Checklist(job.submitted.prints).items();
+    out.checklist = list != checklists_.end() ? list->second.items() : fresh_checklist(job).items();
   }
   return out;
 }

@@ -18,6 +18,7 @@
 #include "controller/config.h"
 #include "controller/core/action.h"
 #include "controller/core/job.h"
+#include "controller/core/recovery_plan.h"
 #include "controller/io/child_process.h"
 #include "controller/io/intake.h"
 #include "controller/io/journal.h"
@@ -37,6 +38,15 @@ class JobQueue {
 
   void submit(const std::string& path, const std::string& who,
               std::function<void(Result<JobId>)> done);
+
+  // A new job that finishes one that ended early (core/recovery_plan.h); it is verified and set up
+  // like any other before it can be started. `request` needs no certainty: that is the journal's.
+  struct Recovered {
+    JobId job;
+    RecoveryPlan plan;
+  };
+  void recover(JobId job, RecoveryRequest request, const std::string& who,
+               std::function<void(Result<Recovered>)> done);
 
   Status exists(JobId job) const;
   api::JobState state(JobId job) const;
@@ -63,6 +73,8 @@ class JobQueue {
   std::optional<JobId> with_rig() const;
 
  private:
+  static journal::NewJob new_job(const TakenIn& taken, const std::string& who);
+  void add(journal::NewJob job, std::function<void(Result<JobId>)> done);
   Checklist& checklist(JobId job);
   void enter(JobId job, api::JobState state, std::string reason);
   void verify_next();

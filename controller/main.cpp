@@ -1,6 +1,5 @@
 // reforged: the daemon that runs jobs on the rig. Exit codes are those of sysexits.h.
 #include <spdlog/sinks/stdout_sinks.h>
-#include <spdlog/sinks/systemd_sink.h>
 #include <spdlog/spdlog.h>
 #include <sysexits.h>
 
@@ -11,6 +10,7 @@
 #include "controller/config.h"
 #include "controller/daemon.h"
 #include "controller/dry_run.h"
+#include "controller/io/service.h"
 
 namespace {
 
@@ -18,7 +18,8 @@ namespace {
 void choose_log() {
   const bool as_service = std::getenv("JOURNAL_STREAM") != nullptr;
   if (as_service) {
-    spdlog::set_default_logger(spdlog::systemd_logger_mt("reforged", "reforged", true));
+    spdlog::set_default_logger(
+        std::make_shared<spdlog::logger>("reforged", reforge::service::journal_sink()));
   } else {
     spdlog::set_default_logger(spdlog::stderr_logger_mt("reforged"));
     spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %l: %v");
@@ -70,7 +71,7 @@ int main(int argc, char** argv) {
     if (!rig) spdlog::critical("{}", rig.error().sentence);
     return rig ? EX_OK : EX_CONFIG;
   }
-  const reforge::DaemonEnd end = reforge::run_daemon(*config);
+  const reforge::DaemonEnd end = reforge::run_daemon(*config, file);
   if (end.exit_code != EX_OK) spdlog::critical("{}", end.sentence);
   return end.exit_code;
 }

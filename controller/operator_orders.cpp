@@ -27,6 +27,7 @@ void Daemon::obey(Call call) {
   if (call.method == api::Method::kConfirm || call.method == api::Method::kAdmit) {
     return obey_later(call, params);
   }
+  if (call.method == api::Method::kRecover) return recover(call, params);
   const Answer answer = obey_now(call, params);
   if (api::role_needed(call.method) > api::Role::kObserve) {
     const auto* failure = std::get_if<api::Failure>(&answer);
@@ -63,11 +64,37 @@ void Daemon::obey_later(const Call& call, api::Params& params) {
   }
 }
 
+void Daemon::recover(const Call& call, api::Params& params) {
+  const JobId job{params.number("job", 1, INT64_MAX)};
+  const std::optional<std::string> word = params.optional_text("bead");
+  RecoveryRequest request;
+  request.path = params.optional_number("path", 1, INT64_MAX);
+  if (word == "removed") request.bead = BeadWord::kRemoved;
+  if (word == "accepted") request.bead = BeadWord::kAccepted;
+  std::string fault = params.fault();
+  if (fault.empty() && word && request.bead == BeadWord::kNone) {
+    fault = "The parameter \"bead\" must be \"removed\" or \"accepted\".";
+  }
+  if (!fault.empty()) return call.answer(api::Failure{api::kInvalidParams, fault});
+  if (!journal_trouble_.empty()) return call.answer(answer_of({Code::kJournal, journal_trouble_}));
+  queue_.recover(job, request, call.peer.who, [this, call](const auto& made) {
+    record(journal_, call, made ? "ok" : made.error().sentence);
+    if (!made) return call.answer(answer_of(made.error()));
+    call.answer(Answer(json{{"job", static_cast<std::int64_t>(made->job)},
+                            {"state", api::name_of(queue_.state(made->job))},
+                            {"from_line", made->plan.from},
+                            {"first_line", made->plan.first_line},
+                            {"preamble", made->plan.preamble},
+                            {"sentence", made->plan.sentence}}));
+  });
+}
+
 Answer Daemon::obey_now(const Call& call, api::Params& params) {
   using api::Method;
   std::optional<std::int64_t> job;
   std::optional<std::string> state;
   bool word = false;
+  std::optional<double> celsius;
   switch (call.method) {
     case Method::kStart:
     case Method::kAbort:
@@ -81,6 +108,9 @@ Answer Daemon::obey_now(const Call& call, api::Params& params) {
       break;
     case Method::kResume:
       word = params.flag("bead_inspected");
+      break;
+    case Method::kReheat:
+      celsius = params.optional_real("temperature_c", 0, 1000);
       break;
     case Method::kClear:
       word = params.flag("module_may_retreat");
@@ -103,6 +133,8 @@ Answer Daemon::obey_now(const Call& call, api::Params& params) {
       return order(EmergencyOrder{});
     case Method::kClear:
       return order(ClearOrder{word});
+    case Method::kReheat:
+      return order(ReheatOrder{celsius});
     case Method::kStatus:
       return status(job);
     case Method::kJobs:
@@ -115,6 +147,7 @@ Answer Daemon::obey_now(const Call& call, api::Params& params) {
     case Method::kSubmit:
     case Method::kConfirm:
     case Method::kAdmit:
+    case Method::kRecover:
       break;
   }
   assert(!"answered elsewhere");

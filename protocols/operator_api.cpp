@@ -18,6 +18,8 @@ constexpr std::array<MethodRow, kMethodCount> kMethods = {{
     {Method::kSubmit, "submit", Role::kOperate},
     {Method::kConfirm, "confirm", Role::kOperate},
     {Method::kAdmit, "admit", Role::kAdminister},
+    {Method::kRecover, "recover", Role::kOperate},
+    {Method::kReheat, "reheat", Role::kOperate},
     {Method::kStart, "start", Role::kOperate},
     {Method::kHold, "hold", Role::kOperate},
     {Method::kResume, "resume", Role::kOperate},
@@ -182,6 +184,17 @@ std::optional<std::int64_t> Params::optional_number(const char* key, std::int64_
   return value->get<std::int64_t>();
 }
 
+std::optional<double> Params::optional_real(const char* key, double min, double max) {
+  const json* value = find(key, false);
+  if (value == nullptr) return std::nullopt;
+  if (value->is_number() && value->get<double>() >= min && value->get<double>() <= max) {
+    return value->get<double>();
+  }
+  complain(std::string("The parameter \"") + key + "\" must be a number from " + json(min).dump() +
+           " to " + json(max).dump() + ".");
+  return std::nullopt;
+}
+
 std::int64_t Params::number(const char* key, std::int64_t min, std::int64_t max) {
   if (find(key, true) == nullptr) return min;
   return optional_number(key, min, max).value_or(min);
@@ -252,6 +265,7 @@ json to_json(const JobReport& r) {
               {"machine_s", r.machine_s},
               {"estimated_s", r.estimated_s},
               {"uncertain", nullptr},
+              {"recovers", r.recovers ? json(*r.recovers) : json(nullptr)},
               {"checklist", json::array()}};
   if (r.uncertain) out["uncertain"] = {{"first", r.uncertain->first}, {"last", r.uncertain->last}};
   for (const ChecklistItem& item : r.checklist) {
@@ -307,6 +321,9 @@ Result<JobReport> job_report(const json& in) {
     if (const json& range = in.at("uncertain"); !range.is_null()) {
       r.uncertain =
           LineRange{range.at("first").get<std::int64_t>(), range.at("last").get<std::int64_t>()};
+    }
+    if (const json& other = in.at("recovers"); !other.is_null()) {
+      r.recovers = other.get<std::int64_t>();
     }
     for (const json& item : in.at("checklist")) {
       const json& by = item.at("by");

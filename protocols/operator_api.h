@@ -30,6 +30,8 @@ enum class Method {
   kSubmit,
   kConfirm,
   kAdmit,
+  kRecover,
+  kReheat,
   kStart,
   kHold,
   kResume,
@@ -41,7 +43,7 @@ enum class Method {
   kSubscribe,
   kShutdown,
 };
-constexpr int kMethodCount = 14;
+constexpr int kMethodCount = 16;
 
 // queued -> verifying -> ready -> running <-> held -> done | failed | aborted; a daemon that finds
 // a running or held job in its journal at start makes it interrupted.
@@ -106,6 +108,7 @@ class Params {
   std::string text(const char* key, std::size_t bytes_max = 4096);
   std::int64_t number(const char* key, std::int64_t min, std::int64_t max);
   std::optional<std::int64_t> optional_number(const char* key, std::int64_t min, std::int64_t max);
+  std::optional<double> optional_real(const char* key, double min, double max);
   std::optional<std::string> optional_text(const char* key, std::size_t bytes_max = 4096);
   // Absent: none.
   std::vector<std::string> texts(const char* key, std::size_t count_max);
@@ -158,6 +161,7 @@ struct JobReport {
   double estimated_s = 0;         // by the verifier's motion model
   // Lines that may or may not have been sent, once the job has ended before its last line.
   std::optional<LineRange> uncertain;
+  std::optional<std::int64_t> recovers;  // the job this one finishes
   std::vector<ChecklistItem> checklist;  // of a job that waits; empty otherwise
 };
 

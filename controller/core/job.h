@@ -35,6 +35,8 @@ struct JobOrder {
   std::string name;
   Mode mode = Mode::kStrict;
   std::shared_ptr<ProgramSource> program;
+  LineNumber first_line = 1;  // a recovered job begins with its preamble (recovery_plan.h)
+  bool recovers() const { return first_line > 1; }
 };
 
 }  // namespace reforge

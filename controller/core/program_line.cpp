@@ -34,7 +34,10 @@ Result<ProgramLine> ProgramLineReader::read(std::string_view text, LineNumber nu
   if (!action) return action.error();
 
   ProgramLine out;
-  if (line_.empty()) return out;
+  if (line_.empty()) {
+    out.checkpoint = line_.comment.rfind("path ", 0) == 0 || line_.comment.rfind("block ", 0) == 0;
+    return out;
+  }
   out.kind = ProgramLine::Kind::kWords;
   out.words = gcode::compact(line_);
   out.dwell_s = action->dwell_s;

@@ -20,9 +20,10 @@ namespace reforge {
 struct ProgramLine {
   enum class Kind : std::uint8_t { kNothing, kWords, kBarrier };
   Kind kind = Kind::kNothing;
-  std::string words;      // what goes on the wire (a barrier's too, for the in-stream route)
-  ExtruderOrder order{};  // kBarrier: absent arguments are the rig's values
-  double dwell_s = 0;     // of a G4 on this line: the CNC may be idle so long
+  std::string words;        // what goes on the wire (a barrier's too, for the in-stream route)
+  ExtruderOrder order{};    // kBarrier: absent arguments are the rig's values
+  bool checkpoint = false;  // kNothing: a "; path" or "; block" line
+  double dwell_s = 0;       // of a G4 on this line: the CNC may be idle so long
 };
 
 // Reads the lines of one program in order.

@@ -3,7 +3,7 @@
 //
 // Lines up to `executed` were drained; lines up to `acknowledged` were taken by the CNC and may
 // have run; lines from there to `horizon` may have been sent. Nothing above `horizon` ever was.
-// Limits: facts and sentence only; the preamble from a checkpoint is later work.
+// How such a job goes on: recovery_plan.h.
 #pragma once
 
 #include <optional>

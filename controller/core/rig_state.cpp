@@ -161,6 +161,15 @@ constexpr void operator_orders(Table& t) {
   t.go({S::kStarting}, E::kShutdown, S::kIdle, F::kJobRefused);
   t.go(kJobStates, E::kShutdown, S::kSuspended, F::kStopExtrusion, F::kHoldCnc, F::kJobOver);
   t.ignore_elsewhere(E::kShutdown);
+
+  t.go({S::kIdle}, E::kReheat, S::kIdle, F::kReheat);
+  t.refuse({S::kDisconnected}, E::kReheat, kNotConnected);
+  t.refuse({S::kIdentifying}, E::kReheat, kStillIdentifying);
+  t.refuse({S::kSuspended}, E::kReheat, kSuspendedFirst);
+  t.refuse({S::kFault}, E::kReheat, kClearFirst);
+  t.refuse({S::kStarting, S::kRunning, S::kDraining, S::kBarrier, S::kHolding, S::kHeld,
+            S::kResuming, S::kStopping, S::kResetting},
+           E::kReheat, kJobRuns);
 }
 
 constexpr void progress(Table& t) {
@@ -173,6 +182,8 @@ constexpr void progress(Table& t) {
   t.ignore_elsewhere(E::kBarrierReached);
   t.go({S::kDraining}, E::kDrained, S::kBarrier, F::kRelay);
   t.ignore_elsewhere(E::kDrained);
+  t.go({S::kDraining}, E::kCheckpointed, S::kRunning);
+  t.ignore_elsewhere(E::kCheckpointed);
   t.go({S::kBarrier}, E::kBarrierDone, S::kRunning);
   t.ignore_elsewhere(E::kBarrierDone);
   t.go({S::kDraining}, E::kFinished, S::kIdle, F::kMakeSafe, F::kJobOver);
@@ -277,12 +288,13 @@ static_assert(std::size(kStateNames) == kRigStateCount);
 static_assert(static_cast<int>(S::kFault) + 1 == kRigStateCount);
 
 constexpr std::string_view kEventNames[] = {
-    "links open",      "identified",  "found holding",  "found fault",   "CNC lost",
-    "extruder lost",   "start",       "hold",           "resume",        "abort",
-    "emergency",       "clear",       "shutdown",       "checks passed", "checks failed",
-    "barrier reached", "drained",     "barrier done",   "finished",      "at rest",
-    "restored",        "reset done",  "rest overdue",   "CNC error",     "CNC alarm",
-    "CNC reset",       "ack overdue", "extruder fault", "interlock",     "program fault"};
+    "links open",    "identified",      "found holding", "found fault", "CNC lost",
+    "extruder lost", "start",           "hold",          "resume",      "abort",
+    "emergency",     "clear",           "shutdown",      "reheat",      "checks passed",
+    "checks failed", "barrier reached", "checkpointed",  "drained",     "barrier done",
+    "finished",      "at rest",         "restored",      "reset done",  "rest overdue",
+    "CNC error",     "CNC alarm",       "CNC reset",     "ack overdue", "extruder fault",
+    "interlock",     "program fault"};
 static_assert(std::size(kEventNames) == kRigEventCount);
 static_assert(static_cast<int>(E::kProgramFault) + 1 == kRigEventCount);
 

@@ -50,10 +50,12 @@ enum class RigEvent : std::uint8_t {
   kEmergency,
   kClear,
   kShutdown,  // the daemon ends
+  kReheat,    // keep the nozzle hot, or no longer, without a job
   // The job's progress.
   kChecksPassed,
   kChecksFailed,
   kBarrierReached,  // the next line is an M-code, or the program is at its end
+  kCheckpointed,    // drained at a checkpoint: the stream goes on
   kDrained,         // all acknowledged, dwell acknowledged, Idle: an M-code is to be relayed
   kBarrierDone,     // the extruder has done it
   kFinished,        // drained behind the last line
@@ -70,7 +72,7 @@ enum class RigEvent : std::uint8_t {
   kInterlock,      // depositing, and the CNC does not run
   kProgramFault,   // the program cannot be read, or asks for what is forbidden
 };
-constexpr int kRigEventCount = 30;
+constexpr int kRigEventCount = 32;
 
 // What the sequencer does on a transition. What stops extrusion always stands before the CNC's.
 enum class Effect : std::uint8_t {
@@ -88,6 +90,7 @@ enum class Effect : std::uint8_t {
   kReopenCnc,       // close and open the port
   kReopenExtruder,  // likewise; its first order will be M73
   kOweHold,         // the first byte after the next opening of the CNC's port is a hold
+  kReheat,          // M70 without a job, or the end of it
   kRestore,         // M72 again if a bead was interrupted
   kClearFaults,     // clear the extruder's fault; reset a held CNC, unlock an alarm
   kJobRefused,      // journal and tell: nothing was sent, the job is ready as before

@@ -25,9 +25,9 @@ std::string joined(const std::vector<std::string>& sentences) {
 }
 
 RigEvent event_of(const OperatorOrder& order) {
-  constexpr RigEvent kEvents[] = {RigEvent::kStart,   RigEvent::kHold,      RigEvent::kResume,
-                                  RigEvent::kAbort,   RigEvent::kEmergency, RigEvent::kClear,
-                                  RigEvent::kShutdown};
+  constexpr RigEvent kEvents[] = {RigEvent::kStart,    RigEvent::kHold,      RigEvent::kResume,
+                                  RigEvent::kAbort,    RigEvent::kEmergency, RigEvent::kClear,
+                                  RigEvent::kShutdown, RigEvent::kReheat};
   static_assert(std::size(kEvents) == std::variant_size_v<OperatorOrder>);
   return kEvents[order.index()];
 }
@@ -39,7 +39,8 @@ constexpr std::string_view kWords[] = {
     "Aborted by the operator.",
     "Emergency: the CNC was reset at once, its position is lost; extrusion and heat are off.",
     "Cleared by the operator.",
-    "The daemon was stopped."};
+    "The daemon was stopped.",
+    ""};
 
 }  // namespace
 
@@ -69,6 +70,7 @@ void Sequencer::Impl::dispatch(RigEvent event, std::string why) {
   if (awaits_rest() && from != state) rest_by = now + options.rest;
   for (const Effect effect : next.effects) perform(effect, why);
   if (from == state) return;
+  if (state != RigState::kIdle && state != RigState::kStarting) warm_until = kNever;
   sentence = why;
   waiting.clear();
   cnc.watch_closely(now, has_job(state) || state == RigState::kIdentifying);
@@ -246,10 +248,22 @@ Status Sequencer::Impl::prepare(const StartOrder& start) {
   if (!g54) return g54.error();
   StreamerOptions streaming;
   streaming.horizon_ahead = options.horizon_ahead;
+  streaming.first_line = start.job.first_line;
+  streaming.checkpoint_every = options.checkpoint_every;
   streaming.relay = rig.cnc.m_codes == MCodeRoute::kRelay;
   run.emplace(start.job, *g54, cnc.device(), rig, streaming);
   run->started_at = now;
+  run->reported = start.job.first_line - 1;
   return Unit{};
+}
+
+Status Sequencer::Impl::fits_reheat(const ReheatOrder& heat) const {
+  if (!heat.temperature_c) return Unit{};
+  const double least = rig.extrusion.minimum_temperature.value();
+  const double most = rig.extrusion.maximum_temperature.value();
+  if (*heat.temperature_c >= least && *heat.temperature_c <= most) return Unit{};
+  return Error{Code::kOutOfRange, "The nozzle is heated to between " + std::to_string(least) +
+                                      " and " + std::to_string(most) + " degrees C."};
 }
 
 Status Sequencer::Impl::order(const OperatorOrder& order) {
@@ -266,11 +280,22 @@ Status Sequencer::Impl::order(const OperatorOrder& order) {
             " was taken: look at the bead and the nozzle, then resume saying that the bead "
             "was inspected."};
   }
+  const bool heats =
+      std::holds_alternative<StartOrder>(order) || std::holds_alternative<ReheatOrder>(order);
+  if (heats && extruder.starving()) {
+    return Error{Code::kRefused,
+                 "The extruder's heat is just going off by its dead-man: wait some seconds, then "
+                 "clear its fault."};
+  }
   if (const auto* start = std::get_if<StartOrder>(&order)) {
     if (Status prepared = prepare(*start); !prepared) return prepared;
   }
   if (const auto* clear = std::get_if<ClearOrder>(&order)) {
     module_may_retreat = clear->module_may_retreat;
+  }
+  if (const auto* heat = std::get_if<ReheatOrder>(&order)) {
+    if (Status fits = fits_reheat(*heat); !fits) return fits;
+    reheat_c = heat->temperature_c;
   }
   dispatch(event, std::string(kWords[order.index()]));
   return Unit{};
@@ -326,6 +351,7 @@ void Sequencer::tick(Instant now) {
   impl_->now = now;
   for (const CncSession::Event& event : impl_->cnc.tick(now)) impl_->take(event);
   for (const ExtruderLink::Event& event : impl_->extruder.tick(now)) impl_->take(event);
+  if (now >= impl_->warm_until) impl_->end_reheat();
   if (impl_->awaits_rest() && now >= impl_->rest_by) {
     impl_->dispatch(RigEvent::kRestOverdue,
                     impl_->state == RigState::kResetting
@@ -344,7 +370,8 @@ Status Sequencer::order(Instant now, const OperatorOrder& order) {
 }
 
 Instant Sequencer::next_deadline() const {
-  const Instant devices = earlier(impl_->cnc.next_deadline(), impl_->extruder.next_deadline());
+  const Instant devices = earlier(
+      earlier(impl_->cnc.next_deadline(), impl_->extruder.next_deadline()), impl_->warm_until);
   return impl_->awaits_rest() ? earlier(devices, impl_->rest_by) : devices;
 }
 

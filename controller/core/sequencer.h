@@ -44,11 +44,13 @@ struct CoreOptions {
   bool ports_are_virtual = false;      // both ports are simulated or pseudo-terminals by the config
   std::uint16_t extruder_session = 1;  // not 0, not the previous daemon's
   LineNumber horizon_ahead = 200;
+  LineNumber checkpoint_every = 500;  // lines (streamer.h)
   CncTimes cnc;
   ExtruderTimes extruder;
   Duration rest = std::chrono::seconds(5);         // hold to Hold:0; reset to banner
   Duration ack_overdue = std::chrono::seconds(2);  // Idle with unacknowledged lines, dwells apart
   Duration deposit_grace = std::chrono::milliseconds(250);
+  Duration reheat_max = std::chrono::minutes(30);
   Duration clear_hint =
       std::chrono::seconds(10);  // devices that do not answer are named after this
 };
@@ -67,8 +69,14 @@ struct ClearOrder {
   bool module_may_retreat = false;
 };                        // he has looked: reset, unlock, clear faults
 struct ShutdownOrder {};  // hold, stop extrusion, end the job: daemon exits
+// Heats the nozzle where it stands, before a recovery moves any axis: it may be frozen into the
+// part. No temperature: no longer. Ends by itself after `reheat_max` and whenever the rig is no
+// longer idle; a recovered job takes the heat over.
+struct ReheatOrder {
+  std::optional<double> temperature_c;
+};
 using OperatorOrder = std::variant<StartOrder, HoldOrder, ResumeOrder, AbortOrder, EmergencyOrder,
-                                   ClearOrder, ShutdownOrder>;
+                                   ClearOrder, ShutdownOrder, ReheatOrder>;
 
 struct RigSnapshot {
   RigState state = RigState::kDisconnected;

@@ -56,6 +56,8 @@ void Sequencer::Impl::perform(Effect effect, const std::string& why) {
     case Effect::kOweHold:
       cnc_owed_hold = true;
       return;
+    case Effect::kReheat:
+      return reheat();
     case Effect::kRestore:
       if (run->interrupted_bead) extruder.order(now, *run->interrupted_bead);
       return;
@@ -90,6 +92,20 @@ void Sequencer::Impl::stop_extrusion() {
   extruder.order(now, {73});
   watch.extrusion_off();
   send(Link::kExtruder, extruder.take_output(), true);
+}
+
+void Sequencer::Impl::reheat() {
+  if (!reheat_c) return end_reheat();
+  extruder.order(now, {70, *reheat_c});
+  warm_until = now + options.reheat_max;
+}
+
+// The module stays where it is: nobody knows whether it stands in the part.
+void Sequencer::Impl::end_reheat() {
+  warm_until = kNever;
+  stop_extrusion();
+  extruder.starve(now);
+  note(Note::Level::kInfo, "The nozzle is no longer kept hot.");
 }
 
 bool Sequencer::Impl::module_is_clear() const {

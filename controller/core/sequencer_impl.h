@@ -27,6 +27,9 @@ struct Sequencer::Impl {
   void link_lost(Link link, std::string_view why);
   Status order(const OperatorOrder& order);
   Status prepare(const StartOrder& start);
+  Status fits_reheat(const ReheatOrder& heat) const;
+  void reheat();
+  void end_reheat();
 
   // One event through the table. The sentence says why, for journal and clients.
   void dispatch(RigEvent event, std::string sentence = {});
@@ -83,6 +86,8 @@ struct Sequencer::Impl {
   Instant hold_sent_at{};
   Instant settled_at{};  // after '~': statuses before it may be older than it
   std::int64_t garbage = 0;
+  std::optional<double> reheat_c;   // the operator's last word on it
+  Instant warm_until = kNever;      // heat without a job, until then
   bool module_may_retreat = false;  // the operator's word, with his clear
   bool module_was_clear = false;    // of the part, when the CNC was reset
   std::vector<Action> actions;

@@ -69,10 +69,12 @@ void Sequencer::Impl::advance_identity() {
 
 void Sequencer::Impl::advance_start() {
   const bool fresh = cnc.facts().status && cnc.facts().status_at >= run->started_at;
-  if (!run->offsets_answered || !fresh || run->streamer.certainty().horizon == 0) return;
+  if (!run->offsets_answered || !fresh || run->streamer.certainty().horizon < run->order.first_line)
+    return;
   if (!run->start_refusal.empty()) return dispatch(RigEvent::kChecksFailed, run->start_refusal);
   std::string all;
-  for (const std::string& why : readiness_refusals(cnc.facts(), extruder.status(), run->g54)) {
+  for (const std::string& why :
+       readiness_refusals(cnc.facts(), extruder.status(), run->g54, run->order.recovers())) {
     all += (all.empty() ? "" : " ") + why;
   }
   if (!all.empty()) return dispatch(RigEvent::kChecksFailed, all);
@@ -91,7 +93,7 @@ void Sequencer::Impl::advance_stream() {
   if (!bytes) return dispatch(RigEvent::kProgramFault, bytes.error().sentence);
   if (!bytes->empty()) send(Link::kCnc, std::move(*bytes), false);
   ask_horizon();
-  if (run->streamer.barrier_ahead() || run->streamer.at_end()) {
+  if (run->streamer.barrier_ahead() || run->streamer.checkpoint_ahead() || run->streamer.at_end()) {
     dispatch(RigEvent::kBarrierReached);
   }
 }
@@ -105,6 +107,11 @@ void Sequencer::Impl::advance_drain() {
   }
   if (!barrier.dwell_acknowledged || !barrier.idle_seen) return;
   run->streamer.mark_executed();
+  if (run->streamer.checkpoint_ahead()) {
+    run->streamer.pass_checkpoint();
+    run->barrier = {};
+    return dispatch(RigEvent::kCheckpointed);
+  }
   dispatch(run->streamer.at_end() ? RigEvent::kFinished : RigEvent::kDrained);
 }
 
@@ -213,7 +220,7 @@ void Sequencer::Impl::judge_coming_to_rest(const CncStatus& status) {
 // A board that no longer pushes while the program has a bead on would leave a gap nobody sees; one
 // that is warm without a job is left to its dead-man, since nothing may move.
 void Sequencer::Impl::judge_extruder_status() {
-  if (!run && extruder.warm() && !extruder.busy() && !extruder.starving()) {
+  if (!run && warm_until == kNever && extruder.warm() && !extruder.busy() && !extruder.starving()) {
     stop_extrusion();
     extruder.starve(now);
     note(Note::Level::kWarning,

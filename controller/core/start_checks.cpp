@@ -54,7 +54,8 @@ std::vector<std::string> start_refusals(const RigDescription& rig, bool ports_ar
 
 std::vector<std::string> readiness_refusals(const CncFacts& cnc,
                                             const std::optional<wire::Status>& extruder,
-                                            const Point<MachineFrame>& g54_of_program) {
+                                            const Point<MachineFrame>& g54_of_program,
+                                            bool recovers) {
   std::vector<std::string> out;
   if (!cnc.status || cnc.status->state != CncRunState::kIdle) {
     out.push_back("The CNC is not Idle but " +
@@ -68,7 +69,9 @@ std::vector<std::string> readiness_refusals(const CncFacts& cnc,
   if (extruder->fault != wire::Fault::kNone) {
     out.push_back("The extruder has a latched fault: " + std::string(sentence_of(extruder->fault)));
   }
-  if (extruder->state != wire::State::kClosed) {
+  const bool open =
+      extruder->state == wire::State::kStandby || extruder->state == wire::State::kReady;
+  if (extruder->state != wire::State::kClosed && !(recovers && open)) {
     out.push_back("The extruder module is not closed but " + std::string(name_of(extruder->state)) +
                   ": bring Z clear of the part and clear the rig with leave to retreat.");
   }

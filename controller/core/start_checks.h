@@ -20,10 +20,12 @@ std::vector<std::string> start_refusals(const RigDescription& rig, bool ports_ar
                                         Mode mode);
 
 // With the devices' answers: CNC Idle, G54 within 0.05 mm of the header's, extruder closed, well
-// and permitting the CNC to run.
+// and permitting the CNC to run. A job that recovers another may find the module open, as the other
+// left it, unless filament moves.
 std::vector<std::string> readiness_refusals(const CncFacts& cnc,
                                             const std::optional<wire::Status>& extruder,
-                                            const Point<MachineFrame>& g54_of_program);
+                                            const Point<MachineFrame>& g54_of_program,
+                                            bool recovers = false);
 
 // Identity: the axes the controller names are those of the rig file.
 std::optional<std::string> identity_refusal(const CncFacts& cnc, const RigDescription& rig);

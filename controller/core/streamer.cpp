@@ -14,20 +14,29 @@ Streamer::Streamer(std::shared_ptr<ProgramSource> program, const CncDevice& devi
       window_(device.flow().window),
       counts_bytes_(device.flow().kind == FlowControl::Kind::kCharacterCount) {
   assert(program_ && window_ > 0 && options_.horizon_ahead > 0);
+  assert(options_.first_line >= 1 && options_.first_line <= program_->line_count() + 1);
+  next_ = options_.first_line;
+  const LineNumber done = next_ - 1;
+  certainty_ = {done, done, done, done};
+  horizon_asked_ = done;
 }
 
 void Streamer::limit_window(int bytes) {
-  assert(certainty_.sent == 0);
+  assert(certainty_.sent < options_.first_line);
   if (counts_bytes_ && bytes > 0) window_ = std::min(window_, bytes);
 }
 
 Status Streamer::look_ahead() {
-  while (!encoded_ && !barrier_ && next_ <= program_->line_count()) {
+  while (!encoded_ && !barrier_ && !checkpoint_ && next_ <= program_->line_count()) {
     Result<std::string_view> text = program_->line(next_);
     if (!text) return text.error();
     Result<ProgramLine> line = reader_.read(*text, next_);
     if (!line) return line.error();
     if (line->kind == ProgramLine::Kind::kNothing) {
+      if (line->checkpoint && next_ - certainty_.executed > options_.checkpoint_every) {
+        checkpoint_ = true;
+        break;
+      }
       ++next_;
       continue;
     }
@@ -104,6 +113,16 @@ LineNumber Streamer::next_unacknowledged() const {
   return 0;
 }
 
+bool Streamer::checkpoint_ahead() const {
+  return checkpoint_ && next_ <= certainty_.horizon;
+}
+
+void Streamer::pass_checkpoint() {
+  assert(checkpoint_ && in_flight_.empty());
+  certainty_.sent = certainty_.acknowledged = certainty_.executed = next_++;
+  checkpoint_ = false;
+}
+
 bool Streamer::barrier_ahead() const {
   return barrier_ && next_ <= certainty_.horizon;
 }
@@ -120,7 +139,7 @@ void Streamer::pass_barrier() {
 }
 
 bool Streamer::at_end() const {
-  return !encoded_ && !barrier_ && next_ > program_->line_count() &&
+  return !encoded_ && !barrier_ && !checkpoint_ && next_ > program_->line_count() &&
          certainty_.horizon >= program_->line_count();
 }
 

@@ -22,6 +22,10 @@ namespace reforge {
 
 struct StreamerOptions {
   LineNumber horizon_ahead = 200;
+  LineNumber first_line = 1;  // lines before it are done
+  // A "; path" line so many lines behind the last drain is a checkpoint: drained, so that a crash
+  // costs no more than that.
+  LineNumber checkpoint_every = 500;
   bool relay = true;  // M70-M75 are barriers; false: passed on to a CNC that runs them
 };
 
@@ -45,6 +49,10 @@ class Streamer {
   Settled settle();
   // The line the next acknowledgement belongs to, the drain's dwell apart; 0: none outstanding.
   LineNumber next_unacknowledged() const;
+
+  // A checkpoint stands next: to be drained and passed, nothing is relayed.
+  bool checkpoint_ahead() const;
+  void pass_checkpoint();
 
   // An M-code stands next: every line before it has been handed over and it lies within the
   // horizon. When all is drained: begin_barrier, relay, pass_barrier.
@@ -90,6 +98,7 @@ class Streamer {
   std::optional<std::string> encoded_;  // line next_, ready for the wire
   double encoded_dwell_s_ = 0;
   std::optional<ProgramLine> barrier_;
+  bool checkpoint_ = false;  // line next_ is one
   std::deque<InFlight> in_flight_;
   int in_flight_bytes_ = 0;
   double dwell_in_flight_s_ = 0;

@@ -7,6 +7,10 @@
 #include <boost/asio/thread_pool.hpp>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
+
+#include "controller/io/program_file.h"
+#include "protocols/sha256.h"
 
 namespace reforge {
 namespace {
@@ -60,6 +64,50 @@ Result<TakenIn> take_in(const fs::path& folder, const fs::path& directory) {
   return TakenIn{*job, fs::path(copy).filename().string()};
 }
 
+Status write_program(ProgramSource& program, const RecoveryPlan& plan, const fs::path& file) {
+  std::ofstream out(file, std::ios::binary | std::ios::trunc);
+  const Status written =
+      write_recovered(program, plan, [&](std::string_view line) { out << line << '\n'; });
+  if (!written) return written;
+  out.close();
+  if (!out) return Error{Code::kUnreadable, file.string() + ": cannot be written."};
+  return Unit{};
+}
+
+Result<RecoveredFolder> make_recovery(const fs::path& old, LineNumber lines,
+                                      const RecoveryRequest& request, const fs::path& directory) {
+  const auto job = read_job(old);
+  if (!job) return job.error();
+  const auto rig = read_rig(old / "rig.json");
+  if (!rig) return rig.error();
+  const auto program = ProgramFile::open(old / "program.nc", lines);
+  if (!program) return program.error();
+  auto plan = plan_recovery(**program, *rig, request);
+  if (!plan) return plan.error();
+  std::string copy = (directory / "XXXXXX").string();
+  if (mkdtemp(copy.data()) == nullptr) {
+    return Error{Code::kUnreadable, directory.string() + ": " + std::strerror(errno) + "."};
+  }
+  const auto refuse = [&](const Error& error) -> Result<RecoveredFolder> {
+    std::error_code ignored;
+    fs::remove_all(copy, ignored);
+    return error;
+  };
+  if (Status copied = copy_files(old, copy); !copied) return refuse(copied.error());
+  const fs::path file = fs::path(copy) / "program.nc";
+  if (Status written = write_program(**program, *plan, file); !written) {
+    return refuse(written.error());
+  }
+  std::error_code failed;
+  fs::remove(fs::path(copy) / "certificate.json", failed);
+  const auto hash = sha256_of_file(file);
+  if (!hash) return refuse(hash.error());
+  RecoveredFolder out{{*job, fs::path(copy).filename().string()}, std::move(*plan)};
+  out.taken.job.program_sha256 = *hash;
+  out.taken.job.lines = out.plan.lines;
+  return out;
+}
+
 }  // namespace
 
 struct Intake::Impl {
@@ -91,6 +139,15 @@ void Intake::check(const std::string& copy, std::function<void(Result<JobFolder>
                                     done = std::move(done)]() mutable {
     auto job = read_job(copy);
     boost::asio::post(io, [job = std::move(job), done = std::move(done)] { done(job); });
+  });
+}
+
+void Intake::recover(const std::string& copy, LineNumber lines, const RecoveryRequest& request,
+                     std::function<void(Result<RecoveredFolder>)> done) {
+  boost::asio::post(impl_->thread, [&io = impl_->io, directory = impl_->directory, copy, lines,
+                                    request, done = std::move(done)]() mutable {
+    auto made = make_recovery(directory / copy, lines, request, directory);
+    boost::asio::post(io, [made = std::move(made), done = std::move(done)] { done(made); });
   });
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "controller/core/recovery_plan.h"
 #include "protocols/job.h"
 #include "protocols/result.h"
 
@@ -22,6 +23,13 @@ struct TakenIn {
   std::string folder;  // of the copy, under the directory of all copies
 };
 
+// A new folder beside the copies: the old job's files with the program that recovers it, and no
+// certificate yet.
+struct RecoveredFolder {
+  TakenIn taken;
+  RecoveryPlan plan;
+};
+
 class Intake {
  public:
   // Copies go to `directory`, each into a folder with a name of its own.
@@ -32,6 +40,10 @@ class Intake {
   void take(const std::filesystem::path& folder, std::function<void(Result<TakenIn>)> done);
   // The same check of a copy again.
   void check(const std::string& copy, std::function<void(Result<JobFolder>)> done);
+
+  // `lines`: of the copy's program.
+  void recover(const std::string& copy, LineNumber lines, const RecoveryRequest& request,
+               std::function<void(Result<RecoveredFolder>)> done);
 
  private:
   struct Impl;

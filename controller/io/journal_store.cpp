@@ -12,7 +12,7 @@ namespace reforge::journal {
 namespace {
 
 constexpr int kApplicationId = 0x52464A31;  // "RFJ1"
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 // For another reader of the file; a checkpoint of ours is never that long.
 constexpr int kBusyTimeoutMs = 2000;
 
@@ -22,6 +22,7 @@ CREATE TABLE jobs (
   name TEXT NOT NULL, folder TEXT NOT NULL UNIQUE,
   program_sha256 TEXT NOT NULL, rig_sha256 TEXT NOT NULL, mode TEXT NOT NULL,
   lines INTEGER NOT NULL, prints INTEGER NOT NULL, estimated_s REAL NOT NULL,
+  recovers INTEGER REFERENCES jobs(id), first_line INTEGER NOT NULL,
   submitted_by TEXT NOT NULL, submitted_at TEXT NOT NULL,
   state TEXT NOT NULL, reason TEXT NOT NULL, changed_at TEXT NOT NULL,
   executed INTEGER NOT NULL DEFAULT 0, acknowledged INTEGER NOT NULL DEFAULT 0,
@@ -73,6 +74,11 @@ class Statement {
   Statement& bind(const std::string& value) {
     ok_ = ok_ && sqlite3_bind_text(statement_.get(), ++bound_, value.data(),
                                    static_cast<int>(value.size()), SQLITE_TRANSIENT) == SQLITE_OK;
+    return *this;
+  }
+  Statement& bind(const std::optional<JobId>& value) {
+    if (value) return bind(*value);
+    ok_ = ok_ && sqlite3_bind_null(statement_.get(), ++bound_) == SQLITE_OK;
     return *this;
   }
   Statement& bind(const char* value) { return bind(std::string(value)); }
@@ -130,8 +136,9 @@ struct Store::Impl {
     const bool ok =
         Statement(db(),
                   "INSERT INTO jobs (name, folder, program_sha256, rig_sha256, mode, lines, "
-                  "prints, estimated_s, submitted_by, submitted_at, state, reason, changed_at) "
-                  "VALUES (?,?,?,?,?,?,?,?,?,?,?,?,?)")
+                  "prints, estimated_s, submitted_by, submitted_at, state, reason, changed_at, "
+                  "recovers, first_line, executed, acknowledged, horizon) "
+                  "VALUES (?1,?2,?3,?4,?5,?6,?7,?8,?9,?10,?11,?12,?13,?14,?15,?15-1,?15-1,?15-1)")
             .bind(job.name)
             .bind(job.folder)
             .bind(job.program_sha256)
@@ -145,6 +152,8 @@ struct Store::Impl {
             .bind(state)
             .bind("")
             .bind(at)
+            .bind(job.recovers)
+            .bind(job.first_line)
             .done();
     added = JobId{sqlite3_last_insert_rowid(db())};
     return ok && log_state(added, state, "", at);
@@ -286,17 +295,27 @@ Result<Store> Store::open(const std::filesystem::path& file) {
 
 Result<std::vector<StoredJob>> Store::jobs() {
   std::vector<StoredJob> out;
-  Statement statement(impl_->db(),
-                      "SELECT id, name, folder, program_sha256, rig_sha256, mode, lines, "
-                      "estimated_s, submitted_by, submitted_at, state, reason, changed_at, "
-                      "executed, acknowledged, sent, horizon, toggles, machine_s, prints "
-                      "FROM jobs ORDER BY id");
+  Statement statement(
+      impl_->db(),
+      "SELECT id, name, folder, program_sha256, rig_sha256, mode, lines, "
+      "estimated_s, submitted_by, submitted_at, state, reason, changed_at, "
+      "executed, acknowledged, sent, horizon, toggles, machine_s, prints, recovers, "
+      "first_line "
+      "FROM jobs ORDER BY id");
   while (statement.row()) {
     StoredJob job;
     job.id = JobId{statement.number(0)};
-    job.submitted = {statement.text(1), statement.text(2), statement.text(3),
-                     statement.text(4), statement.text(5), statement.number(6),
-                     statement.real(7), statement.text(8), false};
+    job.submitted = {statement.text(1),
+                     statement.text(2),
+                     statement.text(3),
+                     statement.text(4),
+                     statement.text(5),
+                     statement.number(6),
+                     statement.real(7),
+                     statement.text(8),
+                     false,
+                     std::nullopt,
+                     1};
     job.submitted_at = statement.text(9);
     const auto state = api::job_state_named(statement.text(10));
     if (!state) return Error{Code::kJournal, "The journal names a job state that does not exist."};
@@ -311,6 +330,8 @@ Result<std::vector<StoredJob>> Store::jobs() {
     job.toggles = statement.number(17);
     job.machine_s = statement.real(18);
     job.submitted.prints = statement.number(19) != 0;
+    if (!statement.null(20)) job.submitted.recovers = JobId{statement.number(20)};
+    job.submitted.first_line = statement.number(21);
     out.push_back(std::move(job));
   }
   if (sqlite3_errcode(impl_->db()) != SQLITE_DONE && sqlite3_errcode(impl_->db()) != SQLITE_OK) {

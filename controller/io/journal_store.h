@@ -29,6 +29,9 @@ struct NewJob {
   double estimated_s = 0;
   std::string submitted_by;
   bool prints = false;
+  // A job that finishes another: whose, and where its preamble begins (core/recovery_plan.h).
+  std::optional<JobId> recovers;
+  LineNumber first_line = 1;
 };
 
 // A job as the journal knows it.

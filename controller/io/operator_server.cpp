@@ -66,8 +66,25 @@ struct OperatorServer::Impl : std::enable_shared_from_this<Impl> {
 
 class OperatorServer::Impl::Session : public std::enable_shared_from_this<Session> {
  public:
-  Session(std::shared_ptr<Impl> server, stream_protocol::socket socket, Peer peer)
-      : server_(std::move(server)), socket_(std::move(socket)), peer_(std::move(peer)) {}
+  Session(std::shared_ptr<Impl> server, stream_protocol::socket socket, Peer peer, uid_t user,
+          std::vector<gid_t> groups)
+      : server_(std::move(server)),
+        socket_(std::move(socket)),
+        peer_(std::move(peer)),
+        user_(user),
+        groups_(std::move(groups)) {}
+
+  // By the policy of now.
+  void judge() {
+    const auto role = server_->options.role_of(user_, groups_);
+    if (role) {
+      peer_.role = *role;
+      return;
+    }
+    send(api::error_response(nullptr, {kNotAllowed, peer_.who + " has no role here any more."}),
+         Kind::kMustArrive);
+    close_when_sent();
+  }
 
   bool subscribed() const { return subscribed_; }
 
@@ -230,6 +247,8 @@ class OperatorServer::Impl::Session : public std::enable_shared_from_this<Sessio
   std::shared_ptr<Impl> server_;
   stream_protocol::socket socket_;
   Peer peer_;
+  uid_t user_;
+  std::vector<gid_t> groups_;
   asio::streambuf received_{api::kLineMax};
   std::deque<std::string> outgoing_;
   std::size_t outgoing_bytes_ = 0;
@@ -262,12 +281,12 @@ void OperatorServer::Impl::admit(stream_protocol::socket socket) {
   if (getsockopt(socket.native_handle(), SOL_SOCKET, SO_PEERCRED, &credentials, &bytes) != 0) {
     return;
   }
-  const auto role =
-      options.role_of(credentials.uid, groups_of(socket.native_handle(), credentials.gid));
+  const std::vector<gid_t> groups = groups_of(socket.native_handle(), credentials.gid);
+  const auto role = options.role_of(credentials.uid, groups);
   const bool full = sessions.size() >= options.clients_max;
-  auto session =
-      std::make_shared<Session>(shared_from_this(), std::move(socket),
-                                Peer{who(credentials), role.value_or(api::Role::kObserve)});
+  auto session = std::make_shared<Session>(
+      shared_from_this(), std::move(socket),
+      Peer{who(credentials), role.value_or(api::Role::kObserve)}, credentials.uid, groups);
   sessions.insert(session);
   if (full || !role) {
     const auto failure = full ? api::Failure{static_cast<int>(Code::kBusy),
@@ -287,6 +306,15 @@ Result<std::unique_ptr<OperatorServer>> OperatorServer::listen(asio::io_context&
   const std::string path = impl->options.socket.string();
   const stream_protocol::endpoint endpoint(path);
   error_code failed;
+  if (const auto listening = impl->options.listening) {
+    impl->acceptor.assign(stream_protocol(), *listening, failed);
+    if (failed) {
+      return Error{Code::kUnreadable,
+                   "The socket given by systemd cannot be used: " + failed.message() + "."};
+    }
+    impl->accept();
+    return std::unique_ptr<OperatorServer>(new OperatorServer(impl));
+  }
   stream_protocol::socket probe(io);
   probe.connect(endpoint, failed);
   if (!failed) return Error{Code::kBusy, path + ": another daemon listens there."};
@@ -314,11 +342,17 @@ OperatorServer::~OperatorServer() {
   error_code ignored;
   impl_->pause.cancel(ignored);
   impl_->acceptor.close(ignored);
-  ::unlink(impl_->options.socket.c_str());
+  if (!impl_->options.listening) ::unlink(impl_->options.socket.c_str());
   while (!impl_->sessions.empty()) {
     const std::shared_ptr<Impl::Session> session = *impl_->sessions.begin();
     session->close();
   }
+}
+
+void OperatorServer::set_policy(std::size_t clients_max, RoleOf role_of) {
+  impl_->options.clients_max = clients_max;
+  impl_->options.role_of = std::move(role_of);
+  for (const auto& session : std::set(impl_->sessions)) session->judge();
 }
 
 void OperatorServer::publish(const char* method, const json& params, Kind kind) {

@@ -60,7 +60,8 @@ class OperatorServer {
     std::filesystem::path socket;
     std::size_t clients_max;
     RoleOf role_of;
-    nlohmann::json about;  // added to the answer to hello
+    nlohmann::json about;                         // added to the answer to hello
+    std::optional<int> listening = std::nullopt;  // a socket that systemd listens on for us
   };
 
   // Takes the place of a socket file nobody listens on; the new one has mode 0660.
@@ -68,6 +69,9 @@ class OperatorServer {
                                                         Options options,
                                                         std::function<void(Call)> on_call);
   ~OperatorServer();
+
+  // Also for those who are in: whoever has no role any more is disconnected.
+  void set_policy(std::size_t clients_max, RoleOf role_of);
 
   // To every subscriber. Only what may be dropped is, and only for those who are slow.
   enum class Kind { kMayDrop, kMustArrive };

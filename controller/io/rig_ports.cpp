@@ -4,6 +4,9 @@
 
 #include <boost/asio/io_context.hpp>
 #include <cassert>
+#include <utility>
+
+#include "controller/io/service.h"
 
 namespace reforge {
 namespace {
@@ -28,6 +31,7 @@ SerialPort::Handlers RigPorts::handlers_for(Link link) {
   return {[this, link](std::string_view bytes) { handlers_.on_bytes(link, bytes); },
           [this, link](const std::string& why) {
             slot(link).trouble = why;
+            service::forget(std::string(name(link)));
             spdlog::warn("{} ({}): {}", name(link), path(link), why);
             handlers_.on_lost(link, why);
             open_at(link, clock_.now() + kRetry);
@@ -54,7 +58,9 @@ void RigPorts::open_at(Link link, Instant when) {
 void RigPorts::open(Link link) {
   Slot& here = slot(link);
   assert(virtual_clock_ == nullptr || virtual_clock_->tick_stands());
-  if (Status opened = here.serial.open(here.port.path, here.port.baud); !opened) {
+  if (Status opened = here.serial.open(here.port.path, {here.port.baud, virtual_clock_ == nullptr,
+                                                        std::exchange(here.port.kept, {})});
+      !opened) {
     if (here.trouble != opened.error().sentence) {
       here.trouble = opened.error().sentence;
       spdlog::warn("{}: {}", name(link), here.trouble);
@@ -67,6 +73,7 @@ void RigPorts::open(Link link) {
     here.serial.counted_from(link == Link::kCnc ? counts.cnc_in : counts.extruder_in);
   }
   here.trouble.clear();
+  service::keep(std::string(name(link)), here.serial.handle());
   spdlog::info("{} ({}): open.", name(link), here.port.path);
   handlers_.on_open(link);
 }
@@ -82,6 +89,7 @@ void RigPorts::perform(const DropUnsent& action) {
 void RigPorts::perform(const Reopen& action) {
   Slot& here = slot(action.link);
   spdlog::info("{} ({}): opened again: {}", name(action.link), here.port.path, action.sentence);
+  service::forget(std::string(name(action.link)));
   here.serial.close();
   here.trouble = action.sentence;
   open_at(action.link, clock_.now());

@@ -9,6 +9,7 @@
 
 #include <array>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -26,6 +27,7 @@ class RigPorts final : public RigLinks {
   struct Port {
     std::string path;
     int baud;
+    std::optional<int> kept = std::nullopt;  // serial_port.h
   };
 
   // `virtual_clock` is null on a real rig.

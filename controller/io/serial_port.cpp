@@ -15,8 +15,10 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <cassert>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -30,6 +32,9 @@ using boost::system::error_code;
 // More than any device here may ever have unacknowledged: reaching it means a device that takes no
 // bytes at all.
 constexpr std::size_t kUnsentMax = 64 * 1024;
+
+constexpr auto kAheadMax = std::chrono::milliseconds(1);
+constexpr int kKernelBytes = SerialPort::kKernelBytes;
 
 std::string serial_error(sp_return code) {
   if (code == SP_ERR_FAIL) {
@@ -63,7 +68,21 @@ struct OpenPort {
   }
 };
 
-Status configure(OpenPort& open, const std::string& path, int baud) {
+// What an earlier daemon held it with; closed in the end, when ours is open.
+struct KeptHandle {
+  int handle = -1;
+  ~KeptHandle() {
+    if (handle >= 0) ::close(handle);
+  }
+};
+
+Status configure(OpenPort& open, const std::string& path, const SerialPort::How& how) {
+  const int baud = how.baud;
+  const KeptHandle kept{how.kept.value_or(-1)};
+  if (kept.handle >= 0) {
+    flock(kept.handle, LOCK_UN);
+    ioctl(kept.handle, TIOCNXCL);
+  }
   const auto failed = [&](const std::string& what, const std::string& why) -> Status {
     return Error{Code::kDevice, path + ": " + what + ": " + why + "."};
   };
@@ -105,8 +124,11 @@ Status configure(OpenPort& open, const std::string& path, int baud) {
 
 }  // namespace
 
+using SteadyTime = std::chrono::steady_clock;
+
 struct SerialPort::Impl : std::enable_shared_from_this<Impl> {
-  Impl(asio::io_context& context, Handlers called) : io(context), handlers(std::move(called)) {}
+  Impl(asio::io_context& context, Handlers called)
+      : io(context), handlers(std::move(called)), pace(context) {}
 
   asio::io_context& io;
   Handlers handlers;
@@ -117,6 +139,10 @@ struct SerialPort::Impl : std::enable_shared_from_this<Impl> {
   std::string unsent;
   std::size_t urgent = 0;  // so many bytes at the front of unsent are urgent
   bool waiting_to_write = false;
+  asio::steady_timer pace;
+  bool waiting_for_line = false;
+  SteadyTime::duration byte_time{};    // on the line; 0: not paced
+  SteadyTime::time_point line_free{};  // when it will have carried all that was written
   std::uint64_t read = 0;
   std::uint64_t written = 0;
 
@@ -127,7 +153,8 @@ struct SerialPort::Impl : std::enable_shared_from_this<Impl> {
     descriptor.reset();
     open.reset();
     discard();
-    waiting_to_write = false;
+    waiting_to_write = waiting_for_line = false;
+    pace.cancel();
   }
 
   void discard() {
@@ -171,8 +198,14 @@ struct SerialPort::Impl : std::enable_shared_from_this<Impl> {
   // False: the port was lost.
   bool write_some() {
     while (!unsent.empty()) {
-      const ssize_t count = ::write(open->handle, unsent.data(), unsent.size());
+      const std::size_t allowed = std::min(unsent.size(), std::max(urgent, room_in_kernel()));
+      if (allowed == 0) {
+        wait_for_line();
+        return true;
+      }
+      const ssize_t count = ::write(open->handle, unsent.data(), allowed);
       if (count > 0) {
+        line_free = std::max(line_free, SteadyTime::now()) + count * byte_time;
         written += static_cast<std::uint64_t>(count);
         unsent.erase(0, static_cast<std::size_t>(count));
         urgent -= std::min(urgent, static_cast<std::size_t>(count));
@@ -185,6 +218,29 @@ struct SerialPort::Impl : std::enable_shared_from_this<Impl> {
       }
     }
     return true;
+  }
+
+  // How far the line may be behind what was written.
+  SteadyTime::duration ahead_max() const {
+    return std::max<SteadyTime::duration>(kKernelBytes * byte_time, kAheadMax);
+  }
+
+  std::size_t room_in_kernel() const {
+    if (byte_time == SteadyTime::duration::zero()) return unsent.size();
+    const auto room = ahead_max() - (line_free - SteadyTime::now());
+    return room < byte_time ? 0 : static_cast<std::size_t>(room / byte_time);
+  }
+
+  // Until half of what may stand in the kernel has gone.
+  void wait_for_line() {
+    if (waiting_for_line) return;
+    waiting_for_line = true;
+    pace.expires_at(line_free - ahead_max() / 2);
+    pace.async_wait([self = shared_from_this(), mine = opening](const error_code& failed) {
+      if (failed || self->opening != mine) return;
+      self->waiting_for_line = false;
+      if (self->write_some() && self->handlers.on_written) self->handlers.on_written();
+    });
   }
 
   void wait_to_write() {
@@ -209,11 +265,14 @@ SerialPort::~SerialPort() {
   impl_->handlers = {};
 }
 
-Status SerialPort::open(const std::string& path, int baud) {
+Status SerialPort::open(const std::string& path, const How& how) {
   assert(!impl_->open);
   auto port = std::make_unique<OpenPort>();
-  if (Status done = configure(*port, path, baud); !done) return done;
+  if (Status done = configure(*port, path, how); !done) return done;
   impl_->open = std::move(port);
+  impl_->byte_time = how.paced ? SteadyTime::duration(std::chrono::seconds(10)) / how.baud
+                               : SteadyTime::duration::zero();
+  impl_->line_free = {};
   ++impl_->opening;
   impl_->descriptor.emplace(impl_->io, impl_->open->handle);
   impl_->wait_to_read();
@@ -228,6 +287,11 @@ bool SerialPort::is_open() const {
   return impl_->open != nullptr;
 }
 
+int SerialPort::handle() const {
+  assert(impl_->open);
+  return impl_->open->handle;
+}
+
 void SerialPort::write(std::string_view bytes, bool urgent) {
   if (!impl_->open || bytes.empty()) return;
   if (impl_->unsent.size() + bytes.size() > kUnsentMax) {
@@ -235,11 +299,12 @@ void SerialPort::write(std::string_view bytes, bool urgent) {
     return;
   }
   impl_->unsent.insert(urgent ? 0 : impl_->unsent.size(), bytes);
+  if (urgent) impl_->urgent += bytes.size();
   impl_->write_some();
 }
 
 void SerialPort::drop_unsent() {
-  impl_->unsent.clear();
+  impl_->discard();
 }
 
 std::uint64_t SerialPort::bytes_read() const {

@@ -7,13 +7,16 @@
 // told once by on_lost; the port is closed then. Lives in the io_context's thread. Handlers are
 // never called from inside open, write or close.
 //
-// Limit: bytes are handed to the kernel as they come and not paced at the line's rate; what bounds
-// the bytes before an urgent one is the CNC's receive buffer, which the core never overfills.
+// Paced, a port hands the kernel no more than kKernelBytes (or a millisecond of the line, which is
+// more above 120,000 baud) that the line cannot have carried yet, reckoned by our own clock at 10
+// bits a byte: an urgent byte never stands behind a queue in the kernel. Urgent bytes are not
+// held back. A virtual rig's port is not paced: its UART is, in virtual time.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -38,9 +41,19 @@ class SerialPort {
   SerialPort(const SerialPort&) = delete;
   SerialPort& operator=(const SerialPort&) = delete;
 
-  Status open(const std::string& path, int baud);
+  struct How {
+    int baud = 0;
+    bool paced = false;
+    // The handle under which an earlier daemon had it open, kept by systemd since: the device has
+    // seen no close. Given up once the port is open.
+    std::optional<int> kept;
+  };
+  static constexpr int kKernelBytes = 12;
+
+  Status open(const std::string& path, const How& how);
   void close();
   bool is_open() const;
+  int handle() const;  // of the open port
 
   // Bytes leave in order; urgent ones before all that still wait here. Ignored while closed.
   void write(std::string_view bytes, bool urgent);

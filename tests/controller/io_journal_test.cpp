@@ -23,7 +23,16 @@ using reforge::testing::read_file;
 using reforge::testing::write_file;
 
 journal::NewJob bracket(const std::string& folder = "a1") {
-  return {"bracket", folder, "12ab", "34cd", "strict", 500, 60.5, "anna (uid 1000, pid 7)"};
+  journal::NewJob job;
+  job.name = "bracket";
+  job.folder = folder;
+  job.program_sha256 = "12ab";
+  job.rig_sha256 = "34cd";
+  job.mode = "strict";
+  job.lines = 500;
+  job.estimated_s = 60.5;
+  job.submitted_by = "anna (uid 1000, pid 7)";
+  return job;
 }
 
 class JournalFile : public ::testing::Test {

@@ -21,7 +21,7 @@ bool has(const Step& step, Effect effect) {
 }
 
 bool by_operator(RigEvent event) {
-  return event >= RigEvent::kStart && event <= RigEvent::kShutdown;
+  return event >= RigEvent::kStart && event <= RigEvent::kReheat;
 }
 
 TEST(RigState, EveryStateAnswersEveryEvent) {

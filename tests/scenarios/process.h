@@ -19,6 +19,7 @@ class Process {
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
+  pid_t id() const { return pid_; }
   void send_signal(int signal);
   bool runs();
   // Waits for the end; the exit code, or minus the signal. Nothing after `seconds`.

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "protocols/certificate.h"
-#include "tests/rig/scratch_folder.h"
 #include "tests/scenarios/shop.h"
 #include "tests/scenarios/tiny_pair.h"
 #include "tests/support/job_folder.h"
@@ -19,6 +18,7 @@ using api::Method;
 using nlohmann::json;
 using reforge::testing::make_job;
 using reforge::testing::of_kind;
+using reforge::testing::planned_job;
 using reforge::testing::Process;
 using reforge::testing::read_file;
 using reforge::testing::Shop;
@@ -28,23 +28,6 @@ const char* const kShort = "G21\nG90\nG94\nG17\nG54\nG0 Z100\nG1 X1 F500\nM30\n"
 
 bool says(const std::string& text, const char* what) {
   return text.find(what) != std::string::npos;
-}
-
-// Planned once for all tests of this file.
-const fs::path& planned_job() {
-  static const ScratchFolder scratch;
-  static const fs::path job = [] {
-    const fs::path here = scratch.path;
-    testing::write_tiny_pair(here / "initial.stl", here / "target.stl");
-    Process plan({REFORGE_CLI, "plan", (here / "initial.stl").string(),
-                  (here / "target.stl").string(), "-o", (here / "job").string(), "--rig",
-                  testing::shipped_rig_file().string(), "--effort", "fast", "--setup", "stored"},
-                 {}, here / "plan.log");
-    const auto end = plan.end_within(240);
-    EXPECT_TRUE(end == 0) << read_file(here / "plan.log");
-    return here / "job";
-  }();
-  return job;
 }
 
 class Proof : public ::testing::Test {

@@ -2,6 +2,8 @@
 // half a millimetre lower, the other a millimetre higher. Planned by the real planner in seconds.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <array>
 #include <cstdint>
 #include <cstring>
@@ -10,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "tests/rig/scratch_folder.h"
+#include "tests/scenarios/process.h"
 #include "tests/support/job_folder.h"
 
 namespace reforge::testing {
@@ -54,6 +58,23 @@ inline void write_tiny_pair(const std::filesystem::path& initial,
   write_file(initial, extruded({{0, 0}, {12, 0}, {12, 8}, {0, 8}}, {{0, 1, 2}, {0, 2, 3}}, 12));
   write_file(target, extruded({{0, 0}, {12, 0}, {12, 7}, {6, 7}, {6, 9}, {0, 9}},
                               {{0, 1, 3}, {1, 2, 3}, {0, 3, 5}, {3, 4, 5}}, 12));
+}
+
+// The pair's job, planned once for the tests of one process.
+inline const std::filesystem::path& planned_job() {
+  static const ScratchFolder scratch;
+  static const std::filesystem::path job = [] {
+    const std::filesystem::path here = scratch.path;
+    write_tiny_pair(here / "initial.stl", here / "target.stl");
+    Process plan({REFORGE_CLI, "plan", (here / "initial.stl").string(),
+                  (here / "target.stl").string(), "-o", (here / "job").string(), "--rig",
+                  shipped_rig_file().string(), "--effort", "fast", "--setup", "stored"},
+                 {}, here / "plan.log");
+    const auto end = plan.end_within(240);
+    EXPECT_TRUE(end == 0) << read_file(here / "plan.log");
+    return here / "job";
+  }();
+  return job;
 }
 
 }  // namespace reforge::testing

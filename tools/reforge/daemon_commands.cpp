@@ -21,6 +21,10 @@ struct Chosen {
   std::string path;
   std::string state;
   std::string reason;
+  std::string bead;
+  std::int64_t program_path = 0;
+  double celsius = 0;
+  bool off = false;
   std::vector<std::string> items;
   bool all = false;
   bool wait = false;
@@ -181,6 +185,29 @@ Status admit(DaemonLink& link, const Chosen& chosen) {
               chosen.as_json, print_job_state);
 }
 
+Status recover(DaemonLink& link, const Chosen& chosen) {
+  json params = {{"job", chosen.job}};
+  if (!chosen.bead.empty()) params["bead"] = chosen.bead;
+  if (chosen.program_path > 0) params["path"] = chosen.program_path;
+  return show(link.call(api::Method::kRecover, params), chosen.as_json,
+              [](const json& answer) -> Status {
+                std::printf("job %lld: %s\nIt begins with:\n",
+                            static_cast<long long>(answer.at("job").get<std::int64_t>()),
+                            text(answer, "sentence").c_str());
+                for (const json& line : answer.at("preamble")) {
+                  std::printf("  %s\n", line.get<std::string>().c_str());
+                }
+                std::printf("It is verified now. Then: reforge confirm, reforge start.\n");
+                return Unit{};
+              });
+}
+
+Status reheat(DaemonLink& link, const Chosen& chosen) {
+  json params = json::object();
+  if (!chosen.off) params["temperature_c"] = chosen.celsius;
+  return show(link.call(api::Method::kReheat, params), chosen.as_json, print_rig_state);
+}
+
 Status rig_order(DaemonLink& link, const Chosen& chosen, api::Method method, const char* word) {
   json params = json::object();
   if (word != nullptr && chosen.word) params[word] = true;
@@ -223,6 +250,18 @@ void add_daemon_commands(CLI::App& app, Outcome& outcome) {
            true)
       ->add_option("--reason", chosen->reason, "Why; it is journalled")
       ->required();
+  CLI::App* recovered = with_job(
+      command("recover", "Make, of a job that ended early, one that finishes it", recover), true);
+  recovered
+      ->add_option("--bead", chosen->bead,
+                   "Of a bead that may be half laid: it was taken off, or it is good")
+      ->check(CLI::IsMember({"removed", "accepted"}));
+  recovered
+      ->add_option("--path", chosen->program_path, "Go on from this path of the program instead")
+      ->check(CLI::PositiveNumber);
+  CLI::App* reheated = command("reheat", "Heat the nozzle where it stands, without a job", reheat);
+  reheated->add_option("CELSIUS", chosen->celsius, "Temperature")->check(CLI::PositiveNumber);
+  reheated->add_flag("--off", chosen->off, "No longer");
   with_job(command("start", "Start a verified job", start), true)
       ->add_flag("--wait", chosen->wait, "First wait until it has been verified");
   with_job(command("watch", "Show a job until it ends; 0 only when it is done",

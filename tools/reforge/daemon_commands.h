@@ -1,6 +1,6 @@
-// The operator's commands: submit, confirm, admit, start, watch, hold, resume, abort, emergency,
-// clear, status, jobs. Each talks to the daemon's socket (--socket, else REFORGE_SOCKET, else the
-// installed one).
+// The operator's commands: submit, confirm, admit, recover, reheat, start, watch, hold, resume,
+// abort, emergency, clear, status, jobs. Each talks to the daemon's socket (--socket, else
+// REFORGE_SOCKET, else the installed one).
 #pragma once
 
 #include <CLI/CLI.hpp>
