@@ -9,9 +9,11 @@ namespace {
 // Coordinates are written to 0.001 mm: each end of a move is off by 0.0003 mm (one sigma).
 constexpr double kSigmas = 5;
 constexpr double kEnd = 0.0003;
-constexpr double kLength = 0.02;      // mm, beside that
-constexpr double kMoment = 0.03;      // mm^2, beside that
-constexpr double kCentroid = 1e-6;    // mm: decimals of the statement
+constexpr double kLength = 0.02;  // mm, beside that
+constexpr double kMoment = 0.03;  // mm^2, beside that
+// Ends that share a coordinate, as all of a layer do, share its rounding: the centroid moves by up
+// to half a thousandth along each axis.
+constexpr double kCentroid = 0.0009;  // mm
 constexpr double kBeadShare = 0.002;  // decimals of the flow
 constexpr double kBeadLeast = 0.05;   // mm^3
 
@@ -36,6 +38,8 @@ void PlannedWork::begin(int block, std::size_t line) {
 
 void PlannedWork::rounded(const Vec3& at, double turned, double length) {
   length_noise_ += turned * turned;
+  turned_ += turned;
+  turned_moment_ += turned * (at - centre_).norm();
   moment_noise_ += length * length + turned * turned * (at - centre_).squaredNorm();
 }
 
@@ -63,10 +67,11 @@ void PlannedWork::end(std::size_t line) {
     const double length = std::fabs(done_.length_mm - plan.length_mm);
     const double moment = done_.moment.norm();
     const double beads = std::fabs(done_.beads_mm3 - plan.beads_mm3);
-    const bool agrees = length <= kLength + kSigmas * kEnd * std::sqrt(length_noise_) &&
-                        moment <= kMoment + kSigmas * kEnd * std::sqrt(moment_noise_) +
-                                      kCentroid * plan.length_mm &&
-                        beads <= kBeadLeast + kBeadShare * plan.beads_mm3;
+    const bool agrees =
+        length <= kLength + kSigmas * kEnd * std::sqrt(length_noise_) + kEnd * turned_ &&
+        moment <= kMoment + kSigmas * kEnd * std::sqrt(moment_noise_) + kCentroid * plan.length_mm +
+                      kEnd * turned_moment_ &&
+        beads <= kBeadLeast + kBeadShare * plan.beads_mm3;
     if (!agrees) {
       const Vec3 off =
           done_.length_mm > 0 ? Vec3(done_.moment / done_.length_mm) : Vec3(Vec3::Zero());
@@ -87,7 +92,7 @@ void PlannedWork::end(std::size_t line) {
   planned_.reset();
   done_ = {};
   centre_ = last_ = last_way_ = Vec3::Zero();
-  length_noise_ = moment_noise_ = 0;
+  length_noise_ = moment_noise_ = turned_ = turned_moment_ = 0;
 }
 
 }  // namespace reforge::verify

@@ -53,6 +53,7 @@ class PlannedWork {
   Vec3 centre_ = Vec3::Zero();
   Vec3 last_ = Vec3::Zero(), last_way_ = Vec3::Zero();
   double length_noise_ = 0, moment_noise_ = 0;
+  double turned_ = 0, turned_moment_ = 0;  // the same, as if all corners were off alike
 };
 
 }  // namespace reforge::verify
