@@ -109,12 +109,21 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
     if (!lumps && most < worth) break;
     std::vector<char> wanted(surface.size(), 0);
     for (size_t i = 0; i < surface.size(); ++i) wanted[i] = !done[i] && outlooks[chosen].touches[i];
-    const auto before = std::count(done.begin(), done.end(), 1);
-    const auto rest_before = stock.rest().count();
+    const std::vector<char> done_before = done;
+    const BitSet present_before = stock.present;
+    const size_t blocks_before = milling.blocks.size();
     mill(chosen, wanted);
-    // Nothing came of it: this only seemed within reach.
-    exhausted[chosen] =
-        std::count(done.begin(), done.end(), 1) == before && stock.rest().count() == rest_before;
+    const auto finished = std::count(done.begin(), done.end(), 1) -
+                          std::count(done_before.begin(), done_before.end(), 1);
+    const bool block_made = milling.blocks.size() > blocks_before;
+    const double removed = block_made ? milling.blocks.back().removed_mm3 : 0;
+    // Little more comes of it, if anything: what is left there only seemed within reach.
+    exhausted[chosen] = removed < largest / 2 && finished < static_cast<std::ptrdiff_t>(worth);
+    if (block_made && removed < kSmallestLump && finished < static_cast<std::ptrdiff_t>(worth)) {
+      milling.blocks.pop_back();  // not worth a turn of the table
+      done = done_before;
+      stock.present = present_before;
+    }
   }
   for (size_t i = 0; i < surface.size(); ++i) milling.samples_finished += done[i];
   BitSet left = stock.rest();

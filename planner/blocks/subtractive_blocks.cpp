@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <map>
 
+#include "planner/reuse/set_cover.h"
 #include "planner/toolpath/finishing.h"
 
 namespace reforge {
@@ -62,6 +65,49 @@ struct Candidate {
   std::vector<int> touches;  // surface samples
 };
 
+// The fewest candidates that together serve all there is enough of: rest and surface are grouped by
+// the candidates that reach them, each group worth its own direction is an element of a set cover.
+// The first `base_directions` win ties.
+std::vector<size_t> fewest_directions(const std::vector<Candidate>& candidates,
+                                      size_t base_directions, const PartStock& stock,
+                                      const BitSet& rest, size_t surface_samples) {
+  const size_t count = std::min<size_t>(candidates.size(), 64);
+  std::map<std::uint64_t, double> volumes, samples;
+  for (size_t i = 0; i < stock.voxels.size(); ++i) {
+    if (!rest.test(i)) continue;
+    std::uint64_t who = 0;
+    for (size_t c = 0; c < count; ++c) {
+      if (candidates[c].takes.test(i)) who |= std::uint64_t{1} << c;
+    }
+    if (who != 0) volumes[who] += stock.voxels.voxel_volume();
+  }
+  std::vector<std::uint64_t> touched_by(surface_samples, 0);
+  for (size_t c = 0; c < count; ++c) {
+    for (const int i : candidates[c].touches)
+      touched_by[static_cast<size_t>(i)] |= std::uint64_t{1} << c;
+  }
+  for (const std::uint64_t who : touched_by) {
+    if (who != 0) samples[who] += 1;
+  }
+  const double volume_worth = std::max(kSmallestGain, kWorthATurn * stock.volume_mm3(rest));
+  const double samples_worth =
+      std::max<double>(kSmallestSurface, kSurfaceWorth * static_cast<double>(surface_samples));
+  std::vector<CoverSet> sets(count);
+  for (size_t c = 0; c < count; ++c) sets[c].weight = c < base_directions ? 1 : 1.01;
+  size_t universe = 0;
+  for (const auto& [groups, worth] :
+       {std::pair{&volumes, volume_worth}, std::pair{&samples, samples_worth}}) {
+    for (const auto& [who, amount] : *groups) {
+      if (amount < worth) continue;
+      for (size_t c = 0; c < count; ++c) {
+        if (who >> c & 1) sets[c].elements.push_back(universe);
+      }
+      ++universe;
+    }
+  }
+  return cheapest_cover(universe, sets);
+}
+
 }  // namespace
 
 BitSet removable_along(const MillingOptions& options, const Surroundings& solids,
@@ -116,12 +162,19 @@ std::vector<Vec3> milling_directions(const MillingOptions& options, const Surrou
     rest.subtract(candidates[c].takes);
     for (const int i : candidates[c].touches) rough[static_cast<size_t>(i)] = 0;
   };
-  for (const size_t limit : {base_directions, candidates.size()}) {
+  std::vector<char> wanted(candidates.size(), 0);
+  for (const size_t c : fewest_directions(candidates, base_directions, stock, rest, surface.size()))
+    wanted[c] = 1;
+  // The chosen ones by what they take, base directions before others; then, by the same measure,
+  // any for the many small groups.
+  for (const auto& [limit, any] :
+       {std::pair{base_directions, false}, std::pair{candidates.size(), false},
+        std::pair{candidates.size(), true}}) {
     for (;;) {
       size_t best = candidates.size();
-      double most = std::max(kSmallestGain, kWorthATurn * whole);
+      double most = any ? std::max(kSmallestGain, kWorthATurn * whole) : -1;
       for (size_t c = 0; c < limit; ++c) {
-        if (used[c]) continue;
+        if (used[c] || (!any && !wanted[c])) continue;
         BitSet takes = candidates[c].takes;
         const double gain = stock.volume_mm3(takes &= rest);
         if (gain > most) {

@@ -5,8 +5,9 @@
 // paper, section 6 ("roughing along the four directions ... for the remaining volumes additional
 // directions"). Units: mm, part frame. Method: for a direction, the lowest surface that ball and
 // holder can sweep over V_R, fixture and base, on a height map; what lies above it can be removed.
-// Greedy by volume, then by surface still unfinished: a set cover within ln n of the fewest, not
-// the fewest. Limits: the holder is tested against V_R and fixture, not against stock that other
+// The fewest that serve every group of voxels or surface worth a turn of the table (set cover,
+// GLPK), in the order of what they take; then greedily for what many small groups amount to.
+// Limits: the holder is tested against V_R and fixture, not against stock that other
 // blocks remove; map pitch 0.6 mm.
 #pragma once
 

@@ -11,7 +11,7 @@ namespace {
 constexpr double kPitch = 0.1;
 constexpr double kStep = 0.25;         // mm along a bead between places asked
 constexpr int kAcross = 9;             // points across its width
-constexpr int kEnough = 2;             // of them carried
+constexpr int kEnough = 3;             // of them carried
 constexpr double kShortestBead = 0.5;  // mm of a stretch worth printing
 
 }  // namespace
@@ -62,8 +62,8 @@ std::vector<Bead> carried_parts(const Bead& bead, double width, double bridge_mm
     for (int k = 0; k < kAcross; ++k) on += carries(p + across * ((k + 0.5) / kAcross - 0.5));
     lies[static_cast<size_t>(i)] = on >= kEnough;
   }
-  // Stretches that hang for longer than a bridge go; a ring's end and start are taken apart, which
-  // asks for no more than a bridge either.
+  // Stretches that hang for longer than a bridge go. A bead's ends, a ring's too, may hang for half
+  // of one: where two of them meet they make no more than a bridge.
   std::vector<std::pair<int, int>> kept;  // [from, to]
   int from = 0;
   bool whole = true;
@@ -76,8 +76,7 @@ std::vector<Bead> carried_parts(const Bead& bead, double width, double bridge_mm
     while (end <= count && !lies[static_cast<size_t>(end)]) ++end;
     const double length = total * (end - i) / count;
     const bool at_end = i == 0 || end > count;
-    // A bridge needs both its ends on something.
-    if (length > (at_end && !bead.closed ? bridge_mm / 2 : bridge_mm)) {
+    if (length > (at_end ? bridge_mm / 2 : bridge_mm)) {
       whole = false;
       if (i > from) kept.emplace_back(from, i);
       from = end;

@@ -2,7 +2,7 @@
 //
 // Purpose: a region may be printable and yet be filled sparsely; a bead over a gap hangs. Units:
 // mm, the block's frame. Method: a bitmap of kPitch cells stamped along the beads. A place of a
-// bead is carried if at least a fifth of its width lies on the layer below.
+// bead is carried if at least a third of its width lies on the layer below.
 #pragma once
 
 #include <functional>
