@@ -3,8 +3,9 @@
 // Annealing on sampled volumes: each step moves one slot's plane (another normal, a small tilt,
 // another
 //   depth), uses or frees a slot, and is judged by kept samples minus a penalty for every point out
-//   of reach. Volume is tested first, reach only if the step could be accepted. Several chains with
-//   their own seeds run on two threads; results do not depend on the number of threads.
+//   of reach; half of the steps are spent near such points. Volume is tested first, reach only if
+//   the step could be accepted. Several chains with their own seeds run on two threads; results do
+//   not depend on the number of threads.
 // Source: REUSE-NOTES.md for what serves; the published Monte-Carlo tree search is not offered yet.
 // Limits: one plane a slot; the result is a local optimum.
 #pragma once

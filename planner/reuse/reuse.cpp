@@ -33,7 +33,7 @@ struct Work {  // by effort
 Work work_for(Effort effort) {
   switch (effort) {
     case Effort::kFast:
-      return {2, 1500, 6000, 6};
+      return {2, 1500, 6000, 10};
     case Effort::kDefault:
       return {4, 5000, 9000, 12};
     case Effort::kHigh:
@@ -215,8 +215,9 @@ Clipping Planning::first_stage(const ClippingModel& model) {
   Clipping start = model.combine(first_choice(model).cuts);
   model.count_blocked(start);
   for (const auto& cut : start.cuts) plan_.global_planes += cut != nullptr;
-  plan_.ratio_initialised =
-      static_cast<double>(start.kept) * model.samples().voxel_volume() / target_volume_;
+  plan_.ratio_initialised = static_cast<double>(start.kept) /
+                            static_cast<double>(model.samples().size()) * volume(standing_) /
+                            target_volume_;
   return start;
 }
 

@@ -37,7 +37,8 @@ struct LocalPlane {
   Vec3 seed;  // a point inside the component of V_T this plane cuts off
 };
 
-// Counts of the last test of the exact volumes, on samples that the search had not seen.
+// Counts of the last test of the exact volumes. Its samples are not the search's, but for those
+// that failed in an earlier audit: these the search has learned to watch.
 struct ReuseAudit {
   int cutter_points = 0, nozzle_points = 0;    // tested
   int cutter_blocked = 0, nozzle_blocked = 0;  // out of reach: none in a feasible plan
@@ -75,7 +76,7 @@ struct ReusePlan {
   int inaccessible_cutter_points = 0;  // P_S, against V~_R
   int inaccessible_nozzle_points = 0;  // P_A
   double ratio_ideal = 0;              // R_V = V~_R / M*
-  double ratio_initialised = 0;        // R_I after the first stage / M*
+  double ratio_initialised = 0;        // R_I after the first stage / M*, sampled
   double ratio_final = 0;              // R_F = V_R / M*
   int global_planes = 0;               // C_b: planes of the first stage
   int local_planes = 0;                // C_a: local planes in the end
