@@ -3,8 +3,8 @@
 //
 // The CNC's UART is a model: it carries 10 bits a byte; its receiver holds as many bytes as the rig
 // file says; motion takes no time. What has been read from the terminal and would not have left the
-// host's UART yet is what stood in the kernel; where this program reads late, that counts too. Figures
-// depend on how busy the computer is.
+// host's UART yet is what stood in the kernel; where this program reads late, that counts too.
+// Figures depend on how busy the computer is.
 #include <fcntl.h>
 #include <poll.h>
 #include <pthread.h>
