@@ -155,6 +155,17 @@ double BlockStock::loose_depth(const Vec3& tip) const {
   return deepest;
 }
 
+double BlockStock::touch_depth(const Vec3& tip) const {
+  double deepest = -std::numeric_limits<double>::infinity();
+  // The maps are exact at cell centres only: what stands in a cell may be half a cell nearer.
+  constexpr double kNearer = kPitch * 0.7072;
+  under_ball(cut_, ball_ + kNearer, tip.x(), tip.y(), [&](size_t cell, double surface) {
+    const float top = std::min(whole_.heights[cell], cut_.heights[cell]);
+    deepest = std::max(deepest, top - tip.z() - std::max(0.0, surface - kNearer));
+  });
+  return deepest;
+}
+
 void BlockStock::cut(const Vec3& a, const Vec3& b) {
   const double run = (b - a).norm();
   const int steps = std::max(1, static_cast<int>(std::ceil(run / kPitch)));

@@ -77,7 +77,13 @@ void PathWriter::come_down_to(const Vec3& start) {
   out_.emplace_back();
   if (before.z() < height) move({from.x(), from.y(), height}, Motion::kRapid);
   move({over.x(), over.y(), height}, Motion::kRapid);
-  if (height > start.z()) move(start, Motion::kRapid);
+  if (height > start.z()) {
+    // What the ball's side may still shave on the way down is met at feed, not at a rapid.
+    const double touched = stock_.touch_depth(start);
+    const double slow_from = touched > 0 ? start.z() + touched + kApproach : start.z();
+    if (slow_from < height) move({start.x(), start.y(), slow_from}, Motion::kRapid);
+    if (touched > 0) move(start, Motion::kRamp);
+  }
   working_ = true;
 }
 
