@@ -42,8 +42,8 @@ class BlockStock {
   // The same in all that is not V_R. The skin next to V_R counts only under the middle of the ball:
   // beside a wall it is something the ball shaves with its side, not something that it stands in.
   double loose_depth(const Vec3& tip) const;
-  // How far the ball would stand in anything that is not surely gone, V_R's walls and half a cell of
-  // doubt included: <= 0 where a rapid may go.
+  // How far the ball would stand in anything that is not surely gone, V_R's walls and half a cell
+  // of doubt included: <= 0 where a rapid may go.
   double touch_depth(const Vec3& tip) const;
 
   // The cutter passes straight from a to b (tips).

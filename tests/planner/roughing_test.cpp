@@ -50,6 +50,19 @@ TEST(Roughing, StepIsClearedWithoutGougeOrPlunge) {
   EXPECT_GT(r.removed_mm3, 2400 * 0.87);
 }
 
+TEST(Roughing, RapidMayNotShaveTheSkinBesideAWallThatAFeedMoveMay) {
+  const MillingOptions options = options_for_tests();
+  const PartStock stock = part_stock(kBlock, kStep, 2e5);
+  BlockStock block(stock, {kBlock, kStep, {}}, Frame::along(Vec3::UnitZ()), options.cutter);
+  const Frame frame = Frame::along(Vec3::UnitZ());
+  const auto tip = [&](double x, double y, double z) { return frame.to_local(Vec3(x, y, z)); };
+  block.cut(tip(11.8, 5, 10), tip(11.8, 15, 10));
+  const Vec3 nearer = tip(11.7, 10, 10.2);  // the wall of what is kept stands at x = 10
+  EXPECT_LT(block.loose_depth(nearer), 0);
+  EXPECT_GT(block.touch_depth(nearer), 5);
+  EXPECT_LE(block.touch_depth(tip(11.7, 10, 20.5)), 0);
+}
+
 TEST(Roughing, StepIsClearedFromTheSideToo) {
   const Roughed r = roughed(kBlock, kStep, Vec3::UnitX(), options_for_tests());
   EXPECT_EQ(deepest_gouge(r.paths, kStep, Frame::along(Vec3::UnitX()), 1.5), 0);
