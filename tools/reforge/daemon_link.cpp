@@ -49,7 +49,9 @@ Result<DaemonLink> DaemonLink::connect(const std::string& socket) {
   DaemonLink link(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   if (link.handle_ < 0 ||
       ::connect(link.handle_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    return Error{Code::kDevice, "No daemon at " + socket + ": " + std::strerror(errno) + "."};
+    return Error{Code::kDevice, "No daemon at " + socket + ": " + std::strerror(errno) +
+                                    ". Start it (systemctl start reforged), or name its socket in "
+                                    "REFORGE_SOCKET."};
   }
   const auto hello = link.call(
       api::Method::kHello, {{"version", api::kVersion}, {"client", "reforge " REFORGE_VERSION}});

@@ -90,6 +90,16 @@ void run(PlanRequest request, bool as_json, Outcome& outcome) {
   outcome.code = ExitCode::kInfeasibleOrRefused;
 }
 
+// An option that takes one of a few words; `chosen` outlives the command line.
+template <typename T>
+void add_choice(CLI::App& command, const std::string& name, const std::string& help,
+                const std::map<std::string, T>& words, T& chosen) {
+  command
+      .add_option_function<std::string>(
+          name, [words, &chosen](const std::string& word) { chosen = words.at(word); }, help)
+      ->check(CLI::IsMember(words));
+}
+
 }  // namespace
 
 void add_plan_command(CLI::App& app, Outcome& outcome) {
@@ -102,22 +112,21 @@ void add_plan_command(CLI::App& app, Outcome& outcome) {
   command->add_option("-o,--out", request->job, "the job folder to write")->required();
   command->add_option("--rig", request->rig, "the rig file")->required();
   command->add_option("--seed", request->seed, "same seed, same plan")->capture_default_str();
-  command->add_option("--effort", request->effort, "fast, default, high")
-      ->transform(CLI::CheckedTransformer(std::map<std::string, Effort>{
-          {"fast", Effort::kFast}, {"default", Effort::kDefault}, {"high", Effort::kHigh}}));
+  add_choice<Effort>(
+      *command, "--effort", "how long to look for a better plan",
+      {{"fast", Effort::kFast}, {"default", Effort::kDefault}, {"high", Effort::kHigh}},
+      request->effort);
   command
       ->add_option("--time-limit", request->time_limit_s, "seconds; the best plan so far is kept")
       ->check(CLI::PositiveNumber);
-  command
-      ->add_option("--mode", request->mode, "strict: the whole rig; paper: the paper's constraints")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Mode>{{"strict", Mode::kStrict}, {"paper", Mode::kPaper}}));
-  command->add_option("--setup", request->setup, "search, paper, centroids, stored")
-      ->transform(
-          CLI::CheckedTransformer(std::map<std::string, Setup>{{"search", Setup::kSearch},
-                                                               {"paper", Setup::kPaper},
-                                                               {"centroids", Setup::kCentroids},
-                                                               {"stored", Setup::kStored}}));
+  add_choice<Mode>(*command, "--mode", "strict: the whole rig; paper: the paper's constraints",
+                   {{"strict", Mode::kStrict}, {"paper", Mode::kPaper}}, request->mode);
+  add_choice<Setup>(*command, "--setup", "how the target is placed in the part",
+                    {{"search", Setup::kSearch},
+                     {"paper", Setup::kPaper},
+                     {"centroids", Setup::kCentroids},
+                     {"stored", Setup::kStored}},
+                    request->setup);
   command->add_flag("--force", request->replace, "replace a job folder that is there already");
   command->add_flag("--json", *as_json, "print plan.json");
   command->callback([request, as_json, &outcome] { run(*request, *as_json, outcome); });

@@ -195,6 +195,10 @@ Status read_into(const std::string& path, const char* name, std::optional<Triang
 }
 
 Status verify_file(const Chosen& chosen, Outcome& outcome) {
+  if (!std::filesystem::exists(chosen.path)) {
+    return Status::fail(Code::kUnreadable,
+                        chosen.path + ": there is no such job folder or program");
+  }
   if (chosen.rig.empty() || chosen.stock.empty()) {
     return Status::fail(Code::kUsage, "a bare program needs --rig and --stock");
   }
