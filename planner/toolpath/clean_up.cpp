@@ -1,6 +1,7 @@
 #include "planner/toolpath/clean_up.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -30,17 +31,43 @@ class CleanUp {
         cutter_(options.cutter),
         floor_(solids, stock.grid().frame, options, kSkin),
         stock_(stock),
-        lowest_(stock.grid().columns * static_cast<size_t>(stock.grid().rows) * kPerCell,
-                std::numeric_limits<double>::quiet_NaN()) {}
+        lowest_{std::vector<double>(places(stock.grid()), kUnknown),
+                std::vector<double>(places(stock.grid()), kUnknown)} {}
 
   void level(double height, std::vector<Path>& paths) {
     height_ = height;
     const Clearance clearance(stock_.standing(), cutter_);
     clearance_ = &clearance;
     PathWriter writer(stock_, clearance, paths);
-    bool forward = true;
+    for (const bool along_v : {false, true}) {
+      along_v_ = along_v;
+      follow_rows(writer);
+    }
+    clearance_ = nullptr;
+  }
+
+ private:
+  static constexpr int kPerCell = 2;  // places on a line for each cell of the stock's grid
+  static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+  static size_t places(const HeightGrid& grid) {
+    return static_cast<size_t>(grid.columns) * static_cast<size_t>(grid.rows) * kPerCell;
+  }
+
+  // Rows are those of the grid, or its columns when lines run along v.
+  int rows() const { return along_v_ ? stock_.grid().columns : stock_.grid().rows; }
+  int row_places() const {
+    return (along_v_ ? stock_.grid().rows : stock_.grid().columns) * kPerCell;
+  }
+  Vec2 place(int i, int row) const {
     const HeightGrid& grid = stock_.grid();
-    for (int row = 0; row < grid.rows; ++row) {
+    const double along = i * grid.pitch_mm / kPerCell, across = row * grid.pitch_mm;
+    return Vec2(grid.u0, grid.v0) + (along_v_ ? Vec2(across, along) : Vec2(along, across));
+  }
+
+  void follow_rows(PathWriter& writer) {
+    bool forward = true;
+    for (int row = 0; row < rows(); ++row) {
       std::vector<Line> lines = lines_of(row);
       if (lines.empty()) continue;
       if (!forward) {
@@ -56,11 +83,7 @@ class CleanUp {
         for (const Vec3& tip : line) writer.cut_to(tip);
       }
     }
-    clearance_ = nullptr;
   }
-
- private:
-  static constexpr int kPerCell = 2;  // places on a line for each cell of the stock's grid
 
   // The tip on this level, if it may be there.
   std::optional<Vec3> tip_over(double u, double v, double floor) const {
@@ -70,24 +93,18 @@ class CleanUp {
   }
   std::optional<Vec3> tip_over(double u, double v) const { return tip_over(u, v, floor_(u, v)); }
 
-  double place(int i) const {
-    const HeightGrid& grid = stock_.grid();
-    return grid.u0 + i * grid.pitch_mm / kPerCell;
-  }
   // The floor at places that lines pass on every level.
   double floor_at(int i, int row) {
-    const HeightGrid& grid = stock_.grid();
-    double& known = lowest_[(static_cast<size_t>(row) * grid.columns) * kPerCell + i];
-    if (std::isnan(known)) known = floor_(place(i), grid.v0 + row * grid.pitch_mm);
+    double& known = lowest_[along_v_][static_cast<size_t>(row) * row_places() + i];
+    const Vec2 p = place(i, row);
+    if (std::isnan(known)) known = floor_(p.x(), p.y());
     return known;
   }
 
   // Stretches of a row of the grid on which the ball would take rest away.
   std::vector<Line> lines_of(int row) {
-    const HeightGrid& grid = stock_.grid();
-    const double v = grid.v0 + row * grid.pitch_mm;
-    const int count = grid.columns * kPerCell;
-    const double step = grid.pitch_mm / kPerCell;
+    const int count = row_places();
+    const double step = stock_.grid().pitch_mm / kPerCell;
     const int gap = static_cast<int>(kGap / step), run_in = static_cast<int>(kRunIn / step);
     std::vector<Line> lines;
     int from = -1, to = -1;  // the first and the last place of a stretch that cut
@@ -99,8 +116,9 @@ class CleanUp {
     for (int i = 0; i < count; ++i) {
       if (from >= 0 && i - to > gap) finish();
       // On the level itself the ball stands deepest.
-      if (stock_.rest_depth({place(i), v, height_}) < kWorth) continue;
-      const std::optional<Vec3> tip = tip_over(place(i), v, floor_at(i, row));
+      const Vec2 p = place(i, row);
+      if (stock_.rest_depth({p.x(), p.y(), height_}) < kWorth) continue;
+      const std::optional<Vec3> tip = tip_over(p.x(), p.y(), floor_at(i, row));
       if (!tip) continue;
       const double depth = stock_.rest_depth(*tip);
       if (depth < kWorth || depth > ball_) continue;
@@ -113,19 +131,25 @@ class CleanUp {
 
   // Places [from, to] of a row as lines, broken where the ball may not stand or would climb a wall.
   void add_lines(int from, int to, int row, std::vector<Line>& lines) {
-    const double v = stock_.grid().v0 + row * stock_.grid().pitch_mm;
     Line line;
     const auto finish = [&] {
-      Polyline flat;  // a line is plane: (u, w) is all of it
-      for (const Vec3& p : line) flat.emplace_back(p.x(), p.z());
+      Polyline flat;  // a line is plane: its run along u or v and w are all of it
+      const int run = along_v_ ? 1 : 0;
+      for (const Vec3& p : line) flat.emplace_back(p[run], p.z());
+      const Vec2 side = place(0, row);
       line.clear();
       if (flat.size() < 2) return;
       Line out;
-      for (const Vec2& p : simplified(flat, kChord / 2, false)) out.emplace_back(p.x(), v, p.y());
+      for (const Vec2& p : simplified(flat, kChord / 2, false)) {
+        Vec3 tip(side.x(), side.y(), p.y());
+        tip[run] = p.x();
+        out.push_back(tip);
+      }
       lines.push_back(std::move(out));
     };
     for (int i = from; i <= to; ++i) {
-      const std::optional<Vec3> tip = tip_over(place(i), v, floor_at(i, row));
+      const Vec2 place_here = place(i, row);
+      const std::optional<Vec3> tip = tip_over(place_here.x(), place_here.y(), floor_at(i, row));
       if (!tip || stock_.loose_depth(*tip) > ball_) {
         finish();
         continue;
@@ -180,7 +204,8 @@ class CleanUp {
   BlockStock& stock_;
   const Clearance* clearance_ = nullptr;  // of the level
   double height_ = 0;
-  std::vector<double> lowest_;  // by row and place; not a number: not asked yet
+  bool along_v_ = false;
+  std::array<std::vector<double>, 2> lowest_;  // along u, v; by row and place; NaN: not asked yet
 };
 
 }  // namespace
