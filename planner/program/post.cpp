@@ -231,7 +231,8 @@ class Post {
   // The block's feed, less where an axis could not follow.
   double feed_of(const Path& path, const Move& move, const Vec3& from) const {
     double feed = rig_.cutter.feed_mm_per_s;
-    if (move.motion == Motion::kRamp) feed = rig_.cutter.ramp_feed_mm_per_s;
+    if (move.motion == Motion::kRamp || move.motion == Motion::kLower)
+      feed = rig_.cutter.ramp_feed_mm_per_s;
     if (move.motion == Motion::kDeposit || move.motion == Motion::kCoast) {
       feed = path.feed_share * (path.first_layer ? rig_.extrusion.first_layer_feed_mm_per_s
                                                  : rig_.extrusion.feed_mm_per_s);

@@ -82,7 +82,7 @@ void PathWriter::come_down_to(const Vec3& start) {
     const double touched = stock_.touch_depth(start);
     const double slow_from = touched > 0 ? start.z() + touched + kApproach : start.z();
     if (slow_from < height) move({start.x(), start.y(), slow_from}, Motion::kRapid);
-    if (touched > 0) move(start, Motion::kRamp);
+    if (touched > 0) move(start, Motion::kLower);
   }
   working_ = true;
 }

@@ -14,7 +14,8 @@ namespace reforge {
 
 enum class Motion {
   kRapid,
-  kRamp,  // into material, or down to it
+  kRamp,   // into material, or down to it
+  kLower,  // straight down at the ramp's feed: only the ball's side may touch something
   kCut,
   kDeposit,  // extruding
   kCoast,    // the end of a bead, without extrusion

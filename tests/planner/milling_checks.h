@@ -68,7 +68,8 @@ inline void expect_orderly_rapids(const std::vector<Path>& paths) {
 inline void expect_no_plunge(const std::vector<Path>& paths, double clear) {
   for (const Path& path : paths) {
     for (size_t i = 1; i < path.moves.size(); ++i) {
-      if (path.moves[i].motion == Motion::kRapid) continue;
+      if (path.moves[i].motion == Motion::kRapid || path.moves[i].motion == Motion::kLower)
+        continue;
       const Vec3 d = path.moves[i].to - path.moves[i - 1].to;
       if (d.z() < -clear) {
         EXPECT_GT(d.head<2>().norm(), -d.z() * 0.17);
