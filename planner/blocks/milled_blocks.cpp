@@ -11,7 +11,7 @@ namespace reforge {
 namespace {
 
 constexpr double kMapPitch = 0.3;
-constexpr int kSecondLooks = 8;            // blocks that only mend what others missed
+constexpr int kSecondLooks = 4;            // blocks that only mend what others missed
 constexpr double kSmallestLump = 0.4;      // mm^3 worth a block of its own
 constexpr double kSecondLookWorth = 0.01;  // of the surface's samples
 constexpr int kSecondLookLeast = 15;       // samples
