@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "planner/blocks/subtractive_blocks.h"
-#include "planner/toolpath/clean_up.h"
 #include "planner/toolpath/finishing.h"
 #include "planner/toolpath/roughing.h"
 
@@ -60,14 +59,13 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
     milling.samples_touchable += best[i] < directions.size();
   }
   std::vector<char> done(surface.size(), 0);
-  const auto mill = [&](size_t k, const std::vector<char>& wanted, bool narrow_places) {
+  const auto mill = [&](size_t k, const std::vector<char>& wanted) {
     const Frame& frame = outlooks[k].frame;
     BlockStock block(stock, solids, frame, options.cutter);
     MilledBlock milled;
     milled.toolpath.kind = BlockKind::kMill;
     milled.toolpath.frame = frame;
     milled.toolpath.paths = rough(options, solids, interrupted, block);
-    if (narrow_places) clean_up(options, solids, interrupted, block, milled.toolpath.paths);
     finish(options, solids, surface, wanted, interrupted, block, done, milled.toolpath.paths);
     milled.removed = block.commit(stock);
     milled.removed_mm3 = stock.volume_mm3(milled.removed);
@@ -80,7 +78,7 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
       // Its own, and what earlier directions should have finished but could not.
       wanted[i] = !done[i] && outlooks[k].touches[i] && best[i] <= k;
     }
-    mill(k, wanted, false);
+    mill(k, wanted);
   }
   // What stood in the holder's way is gone by now: lumps that a direction could take are taken,
   // then surface that it could finish is finished.
@@ -114,13 +112,13 @@ Milling mill_blocks(const MillingOptions& options, const Surroundings& solids,
     const std::vector<char> done_before = done;
     const BitSet present_before = stock.present;
     const size_t blocks_before = milling.blocks.size();
-    mill(chosen, wanted, true);
+    mill(chosen, wanted);
     const auto finished = std::count(done.begin(), done.end(), 1) -
                           std::count(done_before.begin(), done_before.end(), 1);
     const bool block_made = milling.blocks.size() > blocks_before;
     const double removed = block_made ? milling.blocks.back().removed_mm3 : 0;
     // Little more comes of it, if anything: what is left there only seemed within reach.
-    exhausted[chosen] = removed < largest / 4 && finished < static_cast<std::ptrdiff_t>(worth);
+    exhausted[chosen] = removed < largest / 2 && finished < static_cast<std::ptrdiff_t>(worth);
     if (block_made && removed < kSmallestLump && finished < static_cast<std::ptrdiff_t>(worth)) {
       milling.blocks.pop_back();  // not worth a turn of the table
       done = done_before;

@@ -4,7 +4,7 @@
 // Units: mm, part frame. Invariants: blocks remove disjoint sets of voxels; no block's toolpath is
 // empty. Each piece of surface is finished from the chosen direction that looks at it most
 // squarely; what a block could not finish (stock in the holder's way) is tried again from later
-// ones, and once more at the end, narrow places (clean_up.h) included.
+// ones, and once more at the end.
 #pragma once
 
 #include <functional>

@@ -72,14 +72,13 @@ BlockStock::BlockStock(const PartStock& stock, const Surroundings& solids, const
       cut_(rest_top_.grid) {
   std::fill(cut_.heights.begin(), cut_.heights.end(), kUncut);
   const VoxelSet& voxels = stock.voxels;
-  const BitSet bare = stock.bare();
   const double half = voxels.grid.pitch_mm / 2;
   // A voxel's cube reaches this far from its centre along each axis of the frame.
   const double reach_u = half * frame.u.cwiseAbs().sum(), reach_v = half * frame.v.cwiseAbs().sum();
   const double reach_d = half * frame.d.cwiseAbs().sum();
   const HeightGrid& grid = rest_top_.grid;
   for (size_t i = 0; i < voxels.size(); ++i) {
-    if (!stock.present.test(i) || bare.test(i)) continue;
+    if (!stock.present.test(i)) continue;
     const Vec3 at = frame.to_local(voxels.points[i]);
     const bool skin = stock.near_keep.test(i);
     const bool rest = !stock.keep.test(i) && !skin;

@@ -10,19 +10,6 @@ BitSet PartStock::rest() const {
   return left.subtract(keep);
 }
 
-BitSet PartStock::bare() const {
-  BitSet out = keep;
-  for (size_t i = 0; i < voxels.size(); ++i) {
-    if (!near_keep.test(i) || !present.test(i)) continue;
-    const auto [x, y, z] = voxels.voxels[i];
-    for (int n = 0; n < 27; ++n) {
-      const int beside = voxels.number(x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1);
-      if (beside >= 0) out.clear(static_cast<size_t>(beside));
-    }
-  }
-  return out;
-}
-
 PartStock part_stock(const TriangleMesh& initial, const TriangleMesh& reused, double voxels_max) {
   PartStock stock;
   const Box3 box = bounds(initial);

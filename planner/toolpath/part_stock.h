@@ -20,9 +20,6 @@ struct PartStock {
 
   // Voxels that are to go and still there.
   BitSet rest() const;
-  // Voxels of V_R with nothing else left beside them: V_R itself says more exactly than their cubes
-  // where the stock ends.
-  BitSet bare() const;
   double volume_mm3(const BitSet& of) const {
     return static_cast<double>(of.count()) * voxels.voxel_volume();
   }
